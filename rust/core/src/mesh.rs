@@ -1,0 +1,541 @@
+//! A checked triangle mesh: the clean part of what was given, at unit area.
+
+use std::collections::HashMap;
+
+use crate::error::{Error, Result};
+use crate::vector::{self, Point};
+
+/// Fewest vertices of the largest part for which a spectrum says anything.
+pub const FEWEST_VERTICES: usize = 32;
+
+/// A face is dropped when its area is below this fraction of the square of its longest edge:
+/// in double precision its angles are then noise.
+const LEAST_RELATIVE_AREA: f64 = 1e-12;
+
+/// What the intake ignored or mended. Nothing is dropped without being counted here.
+#[derive(Debug, Clone, Default, PartialEq, Eq)]
+pub struct IntakeReport {
+    /// Faces without an area (also those that name a vertex twice).
+    pub zero_area_faces: usize,
+    /// Faces with the same three vertices as an earlier one.
+    pub duplicate_faces: usize,
+    /// Vertices that no kept face uses.
+    pub isolated_vertices: usize,
+    /// Connected parts other than the largest by area.
+    pub dropped_components: usize,
+    /// Vertices of those parts.
+    pub dropped_component_vertices: usize,
+    /// Faces whose winding was turned to agree with their neighbours.
+    pub flipped_faces: usize,
+    /// Edges with more than two faces.
+    pub nonmanifold_edges: usize,
+    /// Edges with one face, before holes were closed.
+    pub boundary_edges: usize,
+    /// Boundary loops closed with a fan.
+    pub closed_holes: usize,
+}
+
+/// Largest connected part of a triangle mesh, scaled to unit area and centred at its area centroid.
+///
+/// Lengths here are unit-area lengths; multiply by `scale` for the mesh's own. Vertices from
+/// `surface_vertices` on and faces from `surface_faces` on are not the user's: they close holes.
+#[derive(Debug, Clone)]
+pub struct Mesh {
+    /// Vertex positions, `(n)`, at unit area.
+    pub vertices: Vec<Point>,
+    /// Triangles, `(m)`, consistently wound where the surface is orientable.
+    pub faces: Vec<[u32; 3]>,
+    /// How many vertices belong to the given mesh; the rest close holes.
+    pub surface_vertices: usize,
+    /// How many faces belong to the given mesh; the rest close holes.
+    pub surface_faces: usize,
+    /// Given vertex of each surface vertex.
+    pub input_vertex: Vec<u32>,
+    /// Given face of each surface face.
+    pub input_face: Vec<u32>,
+    /// Given mesh's length of one unit here: √area.
+    pub scale: f64,
+    /// Area centroid of the part in given coordinates.
+    pub centre: Point,
+    /// What was ignored or mended.
+    pub report: IntakeReport,
+    /// Every given vertex at the scale of `vertices`, so that dropped ones can be placed.
+    pub input_positions: Vec<Point>,
+}
+
+/// Neighbours of each vertex in compressed rows.
+#[derive(Debug, Clone)]
+pub struct Adjacency {
+    /// Start of each vertex's row, `(n + 1)`.
+    pub starts: Vec<u32>,
+    /// Entries of the rows.
+    pub entries: Vec<u32>,
+}
+
+impl Adjacency {
+    /// Entries of one row.
+    #[must_use]
+    pub fn row(&self, i: usize) -> &[u32] {
+        &self.entries[self.starts[i] as usize..self.starts[i + 1] as usize]
+    }
+
+    fn from_lists(rows: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
+        let mut starts = vec![0u32; rows + 1];
+        for (i, _) in pairs.clone() {
+            starts[i as usize + 1] += 1;
+        }
+        for i in 0..rows {
+            starts[i + 1] += starts[i];
+        }
+        let mut fill = starts.clone();
+        let mut entries = vec![0u32; starts[rows] as usize];
+        for (i, j) in pairs {
+            entries[fill[i as usize] as usize] = j;
+            fill[i as usize] += 1;
+        }
+        Self { starts, entries }
+    }
+}
+
+impl Mesh {
+    /// Checks and cleans a triangle mesh.
+    ///
+    /// Zero-area and duplicate faces are dropped, windings are made to agree, the connected part
+    /// with the largest area is kept. With `close_holes` every boundary loop is closed by a fan
+    /// around its centroid, which halves the error of shapes with holes; a shape that is a cut-off
+    /// part is better left open.
+    ///
+    /// # Errors
+    /// [`Error::NotFinite`], [`Error::FaceIndexOutOfRange`], [`Error::EmptyMesh`],
+    /// [`Error::TooFewVertices`].
+    pub fn new(vertices: &[Point], faces: &[[i64; 3]], close_holes: bool) -> Result<Self> {
+        let mut report = IntakeReport::default();
+        let (mut kept, normalised, unit, origin) = checked_faces(vertices, faces, &mut report)?;
+        drop_smaller_components(vertices.len(), &normalised, &mut kept, &mut report);
+        orient(&mut kept, &mut report);
+
+        let mut new_id = vec![u32::MAX; vertices.len()];
+        let mut input_vertex = Vec::new();
+        for (_, face) in &mut kept {
+            for corner in face.iter_mut() {
+                let id = &mut new_id[*corner as usize];
+                if *id == u32::MAX {
+                    *id = 0;
+                    input_vertex.push(*corner);
+                }
+            }
+        }
+        input_vertex.sort_unstable();
+        for (new, &old) in input_vertex.iter().enumerate() {
+            new_id[old as usize] = new as u32;
+        }
+        if input_vertex.len() < FEWEST_VERTICES {
+            return Err(Error::TooFewVertices {
+                found: input_vertex.len(),
+                wanted: FEWEST_VERTICES,
+            });
+        }
+        let faces: Vec<[u32; 3]> = kept
+            .iter()
+            .map(|(_, f)| f.map(|v| new_id[v as usize]))
+            .collect();
+        let positions: Vec<Point> = input_vertex
+            .iter()
+            .map(|&v| normalised[v as usize])
+            .collect();
+
+        let (area, centre) = area_and_centroid(&positions, &faces);
+        let length = area.sqrt();
+        let place = |p: &Point| vector::scaled(vector::sub(*p, centre), 1.0 / length);
+        let mut mesh = Self {
+            vertices: positions.iter().map(place).collect(),
+            surface_vertices: positions.len(),
+            surface_faces: faces.len(),
+            faces,
+            input_vertex,
+            input_face: kept.iter().map(|&(id, _)| id).collect(),
+            scale: length * unit,
+            centre: vector::add(origin, vector::scaled(centre, unit)),
+            report,
+            input_positions: normalised.iter().map(place).collect(),
+        };
+        if close_holes {
+            mesh.close_holes();
+        }
+        Ok(mesh)
+    }
+
+    /// Area of one face.
+    #[must_use]
+    pub fn face_area(&self, face: usize) -> f64 {
+        vector::norm(self.face_cross(face)) / 2.0
+    }
+
+    /// Twice the area of a face times its normal.
+    #[must_use]
+    pub fn face_cross(&self, face: usize) -> Point {
+        let [a, b, c] = self.faces[face].map(|v| self.vertices[v as usize]);
+        vector::cross(vector::sub(b, a), vector::sub(c, a))
+    }
+
+    /// Sign of the enclosed volume: +1 when the windings point outward, −1 otherwise.
+    #[must_use]
+    pub fn volume_sign(&self) -> f64 {
+        let volume: f64 = self
+            .faces
+            .iter()
+            .map(|f| {
+                let [a, b, c] = f.map(|v| self.vertices[v as usize]);
+                vector::dot(a, vector::cross(b, c))
+            })
+            .sum();
+        if volume < 0.0 { -1.0 } else { 1.0 }
+    }
+
+    /// Area-weighted unit normals, `(n)`; zero where they cancel.
+    #[must_use]
+    pub fn vertex_normals(&self) -> Vec<Point> {
+        normals_of(&self.vertices, &self.faces)
+    }
+
+    /// Vertices that share an edge with each vertex, in ascending order.
+    #[must_use]
+    pub fn vertex_neighbours(&self) -> Adjacency {
+        let mut edges: Vec<(u32, u32)> = self
+            .faces
+            .iter()
+            .flat_map(|&[a, b, c]| [(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)])
+            .collect();
+        edges.sort_unstable();
+        edges.dedup();
+        Adjacency::from_lists(self.vertices.len(), edges.iter().copied())
+    }
+
+    /// Faces around each vertex, in ascending order.
+    #[must_use]
+    pub fn vertex_faces(&self) -> Adjacency {
+        Adjacency::from_lists(
+            self.vertices.len(),
+            self.faces
+                .iter()
+                .enumerate()
+                .flat_map(|(f, corners)| corners.map(|v| (v, f as u32))),
+        )
+    }
+
+    fn close_holes(&mut self) {
+        for boundary in boundary_loops(&self.faces) {
+            let mut centre = [0.0; 3];
+            for &v in &boundary {
+                centre = vector::add(centre, self.vertices[v as usize]);
+            }
+            let hub = self.vertices.len() as u32;
+            self.vertices
+                .push(vector::scaled(centre, 1.0 / boundary.len() as f64));
+            for (i, &v) in boundary.iter().enumerate() {
+                let next = boundary[(i + 1) % boundary.len()];
+                // The loop runs along the surface's own winding, so the fan runs against it.
+                self.faces.push([next, v, hub]);
+            }
+            self.report.closed_holes += 1;
+        }
+        if self.report.closed_holes > 0 {
+            self.rescale_with_caps();
+        }
+    }
+
+    /// After capping the closed surface has unit area, so that spectra of the two shapes agree.
+    fn rescale_with_caps(&mut self) {
+        let (area, centre) = area_and_centroid(&self.vertices, &self.faces);
+        let length = area.sqrt();
+        for p in self.vertices.iter_mut().chain(&mut self.input_positions) {
+            *p = vector::scaled(vector::sub(*p, centre), 1.0 / length);
+        }
+        self.centre = vector::add(self.centre, vector::scaled(centre, self.scale));
+        self.scale *= length;
+    }
+}
+
+/// Area-weighted unit vertex normals of any positions on a face list.
+#[must_use]
+pub fn normals_of(positions: &[Point], faces: &[[u32; 3]]) -> Vec<Point> {
+    let mut normals = vec![[0.0; 3]; positions.len()];
+    for f in faces {
+        let [a, b, c] = f.map(|v| positions[v as usize]);
+        let n = vector::cross(vector::sub(b, a), vector::sub(c, a));
+        for &v in f {
+            normals[v as usize] = vector::add(normals[v as usize], n);
+        }
+    }
+    for n in &mut normals {
+        *n = vector::normalised(*n);
+    }
+    normals
+}
+
+type FacesWithIds = Vec<(u32, [u32; 3])>;
+
+/// Valid faces with their ids, and positions moved and scaled so that products of coordinates
+/// neither overflow nor vanish, with the length of one unit and the origin.
+fn checked_faces(
+    vertices: &[Point],
+    faces: &[[i64; 3]],
+    report: &mut IntakeReport,
+) -> Result<(FacesWithIds, Vec<Point>, f64, Point)> {
+    if let Some(vertex) = vertices
+        .iter()
+        .position(|p| !p.iter().all(|x| x.is_finite()))
+    {
+        return Err(Error::NotFinite { vertex });
+    }
+    for (face, corners) in faces.iter().enumerate() {
+        for &index in corners {
+            if index < 0 || index as usize >= vertices.len() {
+                return Err(Error::FaceIndexOutOfRange {
+                    face,
+                    index,
+                    vertices: vertices.len(),
+                });
+            }
+        }
+    }
+    let used: Vec<Point> = faces
+        .iter()
+        .flatten()
+        .map(|&v| vertices[v as usize])
+        .collect();
+    let low = used
+        .iter()
+        .fold([f64::INFINITY; 3], |m, p| [0, 1, 2].map(|i| m[i].min(p[i])));
+    let high = used
+        .iter()
+        .fold([f64::NEG_INFINITY; 3], |m, p| [0, 1, 2].map(|i| m[i].max(p[i])));
+    let unit = (0..3).map(|i| high[i] / 2.0 - low[i] / 2.0).fold(0.0, f64::max) * 2.0;
+    if used.is_empty() || unit <= 0.0 {
+        return Err(Error::EmptyMesh {
+            vertices: vertices.len(),
+            faces: faces.len(),
+        });
+    }
+    let origin = [0, 1, 2].map(|i| low[i] / 2.0 + high[i] / 2.0);
+    let normalised: Vec<Point> = vertices
+        .iter()
+        .map(|p| [0, 1, 2].map(|i| p[i] / unit - origin[i] / unit))
+        .collect();
+
+    let mut seen = HashMap::with_capacity(faces.len());
+    let mut kept = Vec::with_capacity(faces.len());
+    for (id, corners) in faces.iter().enumerate() {
+        let face = corners.map(|v| v as u32);
+        let [a, b, c] = face.map(|v| normalised[v as usize]);
+        let (ab, bc, ca) = (vector::sub(b, a), vector::sub(c, b), vector::sub(a, c));
+        let longest = vector::dot(ab, ab)
+            .max(vector::dot(bc, bc))
+            .max(vector::dot(ca, ca));
+        let shortest = vector::dot(ab, ab)
+            .min(vector::dot(bc, bc))
+            .min(vector::dot(ca, ca));
+        let area = vector::norm(vector::cross(ab, ca)) / 2.0;
+        if area <= LEAST_RELATIVE_AREA * longest || shortest <= 0.0 {
+            report.zero_area_faces += 1;
+            continue;
+        }
+        let mut key = face;
+        key.sort_unstable();
+        if seen.insert(key, ()).is_some() {
+            report.duplicate_faces += 1;
+            continue;
+        }
+        kept.push((id as u32, face));
+    }
+    if kept.is_empty() {
+        return Err(Error::EmptyMesh {
+            vertices: vertices.len(),
+            faces: faces.len(),
+        });
+    }
+    Ok((kept, normalised, unit, origin))
+}
+
+/// Keeps the part connected through shared vertices that has the largest area.
+fn drop_smaller_components(
+    vertices: usize,
+    positions: &[Point],
+    faces: &mut FacesWithIds,
+    report: &mut IntakeReport,
+) {
+    let mut parent: Vec<u32> = (0..vertices as u32).collect();
+    for (_, f) in faces.iter() {
+        let root = find(&mut parent, f[0]);
+        for &v in &f[1..] {
+            let other = find(&mut parent, v);
+            parent[other as usize] = root;
+        }
+    }
+    let mut area = vec![0.0; vertices];
+    for (_, f) in faces.iter() {
+        let [a, b, c] = f.map(|v| positions[v as usize]);
+        let root = find(&mut parent, f[0]);
+        area[root as usize] += vector::norm(vector::cross(vector::sub(b, a), vector::sub(c, a)));
+    }
+    let mut used = vec![false; vertices];
+    for (_, f) in faces.iter() {
+        for &v in f {
+            used[v as usize] = true;
+        }
+    }
+    let mut largest = find(&mut parent, faces[0].1[0]);
+    for v in 0..vertices {
+        if area[v] > area[largest as usize] {
+            largest = v as u32;
+        }
+    }
+    for v in 0..vertices as u32 {
+        if !used[v as usize] {
+            report.isolated_vertices += 1;
+            continue;
+        }
+        let root = find(&mut parent, v);
+        if root != largest {
+            report.dropped_component_vertices += 1;
+            if root == v {
+                report.dropped_components += 1;
+            }
+        }
+    }
+    faces.retain(|(_, f)| find(&mut parent, f[0]) == largest);
+}
+
+fn find(parent: &mut [u32], v: u32) -> u32 {
+    let mut root = v;
+    while parent[root as usize] != root {
+        parent[root as usize] = parent[parent[root as usize] as usize];
+        root = parent[root as usize];
+    }
+    root
+}
+
+/// Edge with its faces; the flag says whether the face runs from the lower to the higher vertex.
+fn edge_faces(faces: impl Iterator<Item = [u32; 3]>) -> Vec<(u32, u32, u32, bool)> {
+    let mut edges: Vec<(u32, u32, u32, bool)> = faces
+        .enumerate()
+        .flat_map(|(i, [a, b, c])| {
+            [(a, b), (b, c), (c, a)].map(|(u, v)| (u.min(v), u.max(v), i as u32, u < v))
+        })
+        .collect();
+    edges.sort_unstable();
+    edges
+}
+
+/// Turns windings so that neighbours across manifold edges agree; each part connected that way
+/// keeps the winding of the majority of its faces.
+fn orient(faces: &mut FacesWithIds, report: &mut IntakeReport) {
+    let edges = edge_faces(faces.iter().map(|(_, f)| *f));
+    let mut links: Vec<(u32, u32, bool)> = Vec::with_capacity(edges.len());
+    for run in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        match run {
+            [_] => report.boundary_edges += 1,
+            [a, b] => {
+                let agree = a.3 != b.3;
+                links.push((a.2, b.2, agree));
+                links.push((b.2, a.2, agree));
+            }
+            _ => report.nonmanifold_edges += 1,
+        }
+    }
+    links.sort_unstable();
+    let row = |f: u32| {
+        let start = links.partition_point(|l| l.0 < f);
+        links[start..].iter().take_while(move |l| l.0 == f)
+    };
+    let mut turned: Vec<Option<bool>> = vec![None; faces.len()];
+    for seed in 0..faces.len() {
+        if turned[seed].is_some() {
+            continue;
+        }
+        turned[seed] = Some(false);
+        let mut patch = vec![seed as u32];
+        let mut next = 0;
+        while next < patch.len() {
+            let f = patch[next];
+            next += 1;
+            let flag = turned[f as usize] == Some(true);
+            for &(_, g, agree) in row(f) {
+                if turned[g as usize].is_none() {
+                    turned[g as usize] = Some(flag == agree);
+                    patch.push(g);
+                }
+            }
+        }
+        let flips = patch
+            .iter()
+            .filter(|&&f| turned[f as usize] == Some(true))
+            .count();
+        if 2 * flips > patch.len() {
+            for &f in &patch {
+                turned[f as usize] = turned[f as usize].map(|t| !t);
+            }
+        }
+    }
+    for ((_, face), turn) in faces.iter_mut().zip(turned) {
+        if turn == Some(true) {
+            face.swap(1, 2);
+            report.flipped_faces += 1;
+        }
+    }
+}
+
+/// Boundary loops as vertex cycles along the winding of their faces. A loop that runs through a
+/// vertex twice is split there.
+fn boundary_loops(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
+    let edges = edge_faces(faces.iter().copied());
+    let mut next: Vec<(u32, u32)> = edges
+        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+        .filter(|run| run.len() == 1)
+        .map(|run| {
+            let (low, high, _, forward) = run[0];
+            if forward { (low, high) } else { (high, low) }
+        })
+        .collect();
+    next.sort_unstable();
+    let mut used = vec![false; next.len()];
+    let mut loops = Vec::new();
+    for start in 0..next.len() {
+        let mut path: Vec<u32> = Vec::new();
+        let mut at = Some(start);
+        while let Some(edge) = at {
+            used[edge] |= path.is_empty() && used[edge];
+            if used[edge] {
+                break;
+            }
+            used[edge] = true;
+            path.push(next[edge].0);
+            let to = next[edge].1;
+            if let Some(position) = path.iter().position(|&v| v == to) {
+                let closed = path.split_off(position);
+                if closed.len() > 2 {
+                    loops.push(closed);
+                }
+            }
+            let first = next.partition_point(|e| e.0 < to);
+            at = (first..next.len())
+                .take_while(|&e| next[e].0 == to)
+                .find(|&e| !used[e]);
+        }
+    }
+    loops
+}
+
+/// Total area and its centroid.
+fn area_and_centroid(positions: &[Point], faces: &[[u32; 3]]) -> (f64, Point) {
+    let mut area = 0.0;
+    let mut moment = [0.0; 3];
+    for f in faces {
+        let [a, b, c] = f.map(|v| positions[v as usize]);
+        let weight = vector::norm(vector::cross(vector::sub(b, a), vector::sub(c, a))) / 2.0;
+        area += weight;
+        let corners = vector::add(vector::add(a, b), c);
+        moment = vector::add(moment, vector::scaled(corners, weight / 3.0));
+    }
+    (area, vector::scaled(moment, 1.0 / area))
+}
