@@ -1,0 +1,329 @@
+//! Block Lanczos for the largest eigenpairs of `M = A^{1/2}(W + σA)⁻¹A^{1/2}`.
+
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
+use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
+use faer::linalg::matmul::matmul;
+use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
+use faer::prelude::*;
+use faer::{Accum, Spec};
+
+use super::shifted_factor::ShiftedFactor;
+use crate::error::{Error, Result};
+
+/// Vectors multiplied at once. Smaller blocks need fewer solves in all, larger ones make each
+/// solve and product cheaper.
+const BLOCK: usize = 16;
+
+/// Below this fraction of a block's length before orthogonalisation, what is left of it needs a
+/// second pass against the basis.
+const CANCELLATION: f64 = 1e-4;
+
+/// Largest eigenpairs of `M`.
+pub(super) struct RitzPairs {
+    /// Eigenvalues `μ = 1/(λ + σ)`, descending.
+    pub(super) values: Vec<f64>,
+    /// Unit eigenvectors, `(n, wanted)`, in the factor's ordering.
+    pub(super) vectors: Mat<f64>,
+    /// Linear systems solved.
+    pub(super) solves: usize,
+}
+
+/// Krylov space of `M` on the complement of one known unit eigenvector.
+pub(super) struct BlockLanczos<'a> {
+    factor: &'a ShiftedFactor,
+    /// Diagonal of `A^{1/2}`.
+    root_mass: &'a [f64],
+    /// The known eigenvector, `(n, 1)`.
+    deflated: Mat<f64>,
+    /// Orthonormal basis, `(n, capacity)`, of which `size` columns and one more block are set.
+    basis: Mat<f64>,
+    /// Lower half of the block-tridiagonal `QᵀMQ`.
+    projected: Mat<f64>,
+    size: usize,
+    workspace: MemBuffer,
+    /// Inner products of a block with the basis, `(capacity, BLOCK)`.
+    products: Mat<f64>,
+}
+
+impl<'a> BlockLanczos<'a> {
+    /// Starts from a fixed pseudo-random block, so that results do not depend on the run.
+    pub(super) fn new(
+        factor: &'a ShiftedFactor,
+        root_mass: &'a [f64],
+        deflated: Mat<f64>,
+        capacity: usize,
+    ) -> Self {
+        let n = root_mass.len();
+        let capacity = capacity.next_multiple_of(BLOCK) + BLOCK;
+        let mut lanczos = Self {
+            factor,
+            root_mass,
+            deflated,
+            basis: Mat::zeros(n, capacity),
+            projected: Mat::zeros(capacity, capacity),
+            size: 0,
+            workspace: factor.workspace(BLOCK),
+            products: Mat::zeros(capacity, BLOCK),
+        };
+        let mut start = Mat::from_fn(n, BLOCK, |i, j| noise((i * BLOCK + j) as u64));
+        lanczos.remove_basis(start.as_mut());
+        lanczos.orthonormalise(&mut start);
+        lanczos.basis.subcols_mut(0, BLOCK).copy_from(&start);
+        lanczos
+    }
+
+    /// Extends the space until the `wanted` largest pairs satisfy
+    /// `‖Mx − μx‖ ≤ tolerance(μ, smallest wanted μ)`.
+    pub(super) fn run(
+        mut self,
+        wanted: usize,
+        tolerance: impl Fn(f64, f64) -> f64,
+        cancelled: &(dyn Fn() -> bool + Sync),
+    ) -> Result<RitzPairs> {
+        let mut check_at = first_check(wanted);
+        loop {
+            if cancelled() {
+                return Err(Error::Cancelled);
+            }
+            self.extend();
+            let full = self.size + 2 * BLOCK > self.basis.ncols();
+            if self.size < check_at && !full {
+                continue;
+            }
+            let m = self.size;
+            let (values, vectors) = eigen(self.projected.submatrix(0, 0, m, m))?;
+            let last = self.projected.submatrix(m, m - BLOCK, BLOCK, BLOCK);
+            let tails = last * vectors.submatrix(m - BLOCK, m - wanted, BLOCK, wanted);
+            let smallest = values[m - wanted];
+            let worst = (0..wanted)
+                .map(|i| tails.col(i).norm_l2() / tolerance(values[m - wanted + i], smallest))
+                .fold(0.0, f64::max);
+            if worst <= 1.0 {
+                return Ok(self.pairs(wanted, &values, vectors.as_ref(), tails.as_ref()));
+            }
+            if full {
+                self.grow();
+            }
+            check_at = m + (m / 10).next_multiple_of(BLOCK);
+        }
+    }
+
+    /// One more block: multiply by `M`, orthogonalise, store.
+    fn extend(&mut self) {
+        let (n, m) = (self.basis.nrows(), self.size);
+        let mut block = Mat::<f64>::zeros(n, BLOCK);
+        block.copy_from(self.basis.subcols(m, BLOCK));
+        self.multiply(block.as_mut());
+        let before = largest_column(block.as_ref());
+
+        // Three-term recurrence first; the full pass then only removes what rounding left.
+        if m > 0 {
+            matmul(
+                &mut block,
+                Accum::Add,
+                self.basis.subcols(m - BLOCK, BLOCK),
+                self.projected
+                    .submatrix(m, m - BLOCK, BLOCK, BLOCK)
+                    .transpose(),
+                -1.0,
+                Par::Seq,
+            );
+        }
+        let current = self.basis.subcols(m, BLOCK);
+        let diagonal = current.transpose() * &block;
+        matmul(&mut block, Accum::Add, current, &diagonal, -1.0, Par::Seq);
+        for j in 0..BLOCK {
+            for i in 0..BLOCK {
+                self.projected[(m + i, m + j)] = f64::midpoint(diagonal[(i, j)], diagonal[(j, i)]);
+            }
+        }
+        self.size += BLOCK;
+        self.remove_basis(block.as_mut());
+        let mut triangle = self.orthonormalise(&mut block);
+        let least = (0..BLOCK)
+            .map(|i| triangle[(i, i)].abs())
+            .fold(f64::MAX, f64::min);
+        if least < CANCELLATION * before {
+            self.remove_basis(block.as_mut());
+            triangle = self.orthonormalise(&mut block) * triangle;
+        }
+        let m = self.size;
+        self.projected
+            .submatrix_mut(m, m - BLOCK, BLOCK, BLOCK)
+            .copy_from(&triangle);
+        self.basis.subcols_mut(m, BLOCK).copy_from(&block);
+    }
+
+    /// `X ← M X`.
+    fn multiply(&mut self, mut x: MatMut<'_, f64>) {
+        scale_rows(x.rb_mut(), self.root_mass);
+        self.factor.solve_in_place(x.rb_mut(), &mut self.workspace);
+        scale_rows(x, self.root_mass);
+    }
+
+    /// `X ← (I − ddᵀ)(I − QQᵀ)X`.
+    fn remove_basis(&mut self, mut x: MatMut<'_, f64>) {
+        if self.size > 0 {
+            let basis = self.basis.subcols(0, self.size);
+            let mut products = self.products.subrows_mut(0, self.size);
+            matmul(
+                &mut products,
+                Accum::Replace,
+                basis.transpose(),
+                &x,
+                1.0,
+                Par::Seq,
+            );
+            matmul(&mut x, Accum::Add, basis, &products, -1.0, Par::Seq);
+        }
+        let along = self.deflated.transpose() * &x;
+        matmul(&mut x, Accum::Add, &self.deflated, &along, -1.0, Par::Seq);
+    }
+
+    /// `X = QR`: overwrites `X` with `Q`, returns `R`.
+    fn orthonormalise(&mut self, x: &mut Mat<f64>) -> Mat<f64> {
+        if let Some(first) = cholesky_qr(x)
+            && let Some(second) = cholesky_qr(x)
+        {
+            return second * first;
+        }
+        // Columns nearly dependent: Householder reflections complete them to an orthonormal set,
+        // which has to be made orthogonal to the basis again.
+        let qr = x.qr();
+        let triangle = qr.thin_R().to_owned();
+        *x = qr.compute_thin_Q();
+        self.remove_basis(x.as_mut());
+        let again = x.qr();
+        *x = again.compute_thin_Q();
+        again.thin_R().to_owned() * triangle
+    }
+
+    /// Ritz vectors with one more step of `M` applied, `QS + Q₊BS₊/μ = MQS/μ`: the step costs
+    /// nothing and damps what lies beyond the wanted spectrum.
+    ///
+    /// Ericsson, Ruhe, "The spectral transformation Lanczos method", 1980, section 3.
+    fn pairs(
+        self,
+        wanted: usize,
+        values: &[f64],
+        vectors: MatRef<'_, f64>,
+        tails: MatRef<'_, f64>,
+    ) -> RitzPairs {
+        let (n, m) = (self.basis.nrows(), self.size);
+        let order: Vec<usize> = (m - wanted..m).rev().collect();
+        let coefficients = Mat::from_fn(m + BLOCK, wanted, |i, j| {
+            if i < m {
+                vectors[(i, order[j])]
+            } else {
+                tails[(i - m, wanted - 1 - j)] / values[order[j]]
+            }
+        });
+        let mut x = Mat::zeros(n, wanted);
+        matmul(
+            &mut x,
+            Accum::Replace,
+            self.basis.subcols(0, m + BLOCK),
+            &coefficients,
+            1.0,
+            Par::Seq,
+        );
+        RitzPairs {
+            values: order.iter().map(|&i| values[i]).collect(),
+            vectors: x,
+            solves: m,
+        }
+    }
+
+    fn grow(&mut self) {
+        let (n, old) = (self.basis.nrows(), self.basis.ncols());
+        let new = (old + old / 4).next_multiple_of(BLOCK);
+        self.basis.resize_with(n, new, |_, _| 0.0);
+        self.projected.resize_with(new, new, |_, _| 0.0);
+        self.products.resize_with(new, BLOCK, |_, _| 0.0);
+    }
+}
+
+/// Size of the space at which convergence is first looked at.
+pub(super) fn first_check(wanted: usize) -> usize {
+    (wanted + wanted / 2 + 2 * BLOCK).next_multiple_of(BLOCK)
+}
+
+/// Cholesky of `XᵀX`: overwrites `X` with an orthonormal basis and returns the upper triangle, or
+/// leaves `X` alone when its columns are too nearly dependent.
+fn cholesky_qr(x: &mut Mat<f64>) -> Option<Mat<f64>> {
+    let b = x.ncols();
+    let mut gram = x.transpose() * &*x;
+    let largest = (0..b).map(|i| gram[(i, i)]).fold(0.0, f64::max);
+    cholesky_in_place(
+        gram.as_mut(),
+        faer::linalg::cholesky::llt::factor::LltRegularization::default(),
+        Par::Seq,
+        MemStack::new(&mut MemBuffer::new(cholesky_in_place_scratch::<f64>(
+            b,
+            Par::Seq,
+            Spec::default(),
+        ))),
+        Spec::default(),
+    )
+    .ok()?;
+    let least = (0..b).map(|i| gram[(i, i)]).fold(f64::MAX, f64::min);
+    // The square of the condition number must stay well inside double precision.
+    if least * least <= 1e-12 * largest {
+        return None;
+    }
+    solve_lower_triangular_in_place(gram.as_ref(), x.as_mut().transpose_mut(), Par::Seq);
+    Some(Mat::from_fn(
+        b,
+        b,
+        |i, j| {
+            if i <= j { gram[(j, i)] } else { 0.0 }
+        },
+    ))
+}
+
+/// Eigenvalues, ascending, and eigenvectors of the lower half.
+pub(super) fn eigen(matrix: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>)> {
+    let m = matrix.nrows();
+    let mut values = vec![0.0; m];
+    let mut vectors = Mat::zeros(m, m);
+    let scratch =
+        self_adjoint_evd_scratch::<f64>(m, ComputeEigenvectors::Yes, Par::Seq, Spec::default());
+    self_adjoint_evd(
+        matrix,
+        faer::diag::DiagMut::from_slice_mut(&mut values),
+        Some(vectors.as_mut()),
+        Par::Seq,
+        MemStack::new(&mut MemBuffer::new(scratch)),
+        Spec::default(),
+    )
+    .map_err(|_| Error::NotConverged {
+        found: 0,
+        wanted: m,
+        residual: f64::NAN,
+    })?;
+    Ok((values, vectors))
+}
+
+fn scale_rows(mut x: MatMut<'_, f64>, factors: &[f64]) {
+    for column in x.rb_mut().col_iter_mut() {
+        if let Some(column) = column.try_as_col_major_mut() {
+            for (entry, factor) in column.as_slice_mut().iter_mut().zip(factors) {
+                *entry *= factor;
+            }
+        }
+    }
+}
+
+fn largest_column(x: MatRef<'_, f64>) -> f64 {
+    x.col_iter().map(|c| c.norm_l2()).fold(0.0, f64::max)
+}
+
+/// Uniform in [−½, ½): the finaliser of splitmix64 (Steele, Lea, Flood 2014).
+fn noise(index: u64) -> f64 {
+    let mut z = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
+    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    z ^= z >> 31;
+    (z >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+}
