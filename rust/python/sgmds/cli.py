@@ -1,0 +1,204 @@
+"""The command `sgmds`. Exit status: 0 done, 1 failed with one line on standard error, 2 wrong usage, 130 cancelled."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+from pathlib import Path
+
+CANCELLED = 130
+
+
+def main(arguments: list[str] | None = None) -> int:
+    options = _parser().parse_args(arguments)
+    import sgmds
+
+    try:
+        return options.run(options) or 0
+    except (KeyboardInterrupt, sgmds.Cancelled):
+        print("cancelled", file=sys.stderr)
+        return CANCELLED
+    except ImportError as error:
+        missing = f"{error.name} is missing" if error.name else str(error)
+        return _fail(f'{missing}: pip install "sgmds[tools]"')
+    except (sgmds.SgmdsError, OSError) as error:
+        return _fail(str(error))
+
+
+def _fail(reason: str) -> int:
+    print("sgmds: " + " ".join(reason.split()), file=sys.stderr)
+    return 1
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(prog="sgmds", description="Dense maps between deformable surfaces.")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+
+    match = commands.add_parser("match", help="match two mesh files", description=_match.__doc__)
+    match.add_argument(
+        "source",
+        type=Path,
+        help="mesh that carries the data: .obj .off .ply .stl .glb, or .gz of the first three",
+    )
+    match.add_argument("target", type=Path, help="mesh that receives it")
+    match.add_argument("-o", "--output", type=Path, required=True, metavar="MAP.npz")
+    match.add_argument("--method", choices=("auto", "paper"), default="auto")
+    match.add_argument(
+        "--part", choices=("source", "target"), help="which of the two is only a part of the other"
+    )
+    match.add_argument("--mirror", choices=("forbid", "allow"), default="forbid")
+    match.add_argument(
+        "--landmark",
+        type=_landmark,
+        action="append",
+        default=[],
+        metavar="SOURCE:TARGET",
+        help="a pair of vertices known to belong together; repeatable",
+    )
+    _add_common(match)
+    match.set_defaults(run=_match)
+
+    evaluate = commands.add_parser(
+        "evaluate", help="measure maps where the truth is known", description=_evaluate.__doc__
+    )
+    evaluate.add_argument("folder", type=Path, help="a set (has pairs.txt), or a folder of sets")
+    evaluate.add_argument("--set", action="append", metavar="NAME", help="only this set; repeatable")
+    evaluate.add_argument("--limit", type=_positive, metavar="N", help="only the first N pairs of each set")
+    evaluate.add_argument(
+        "--method",
+        default="auto",
+        type=_method,
+        help='"auto", "paper", or "saved:NAME" for maps stored with the set',
+    )
+    evaluate.add_argument(
+        "--bound", type=float, default=8.0, help="a pair is right below this error (default 8)"
+    )
+    evaluate.add_argument(
+        "--lines", type=int, default=400, help="truth lines asked of a pair, 0 for all (default 400)"
+    )
+    evaluate.add_argument("--distances", choices=("heat", "exact"), default="heat")
+    evaluate.add_argument("--reverse", action="store_true", help="every pair the other way round")
+    evaluate.add_argument("--part", choices=("source", "target"))
+    evaluate.add_argument("--mirror", choices=("forbid", "allow"))
+    evaluate.add_argument("--cache", type=Path, metavar="DIR", help="keep truth distances there between runs")
+    evaluate.add_argument("--json", type=Path, metavar="OUT", help="all figures")
+    evaluate.add_argument(
+        "--plot", type=Path, metavar="OUT.svg", help="error curves, beside those of the saved maps"
+    )
+    evaluate.add_argument("-q", "--quiet", action="store_true", help="the summary only")
+    _add_common(evaluate)
+    evaluate.set_defaults(run=_evaluate)
+    return parser
+
+
+def _add_common(parser):
+    parser.add_argument("--threads", type=_positive, metavar="N")
+    parser.add_argument("--seed", type=int, metavar="N")
+
+
+def _positive(text: str) -> int:
+    if int(text) < 1:
+        raise argparse.ArgumentTypeError("should be 1 or more")
+    return int(text)
+
+
+def _landmark(text: str) -> tuple[int, int]:
+    try:
+        source, target = (int(word) for word in text.split(":"))
+    except ValueError:
+        raise argparse.ArgumentTypeError(
+            f"should be SOURCE:TARGET, two vertex numbers, got {text!r}"
+        ) from None
+    return source, target
+
+
+def _method(text: str) -> str:
+    if text in ("auto", "paper") or text.startswith("saved:"):
+        return text
+    raise argparse.ArgumentTypeError('should be "auto", "paper" or "saved:NAME"')
+
+
+def _given(options, *names) -> dict:
+    """Options that were given, by name, so that defaults are stated in one place only: the core."""
+    return {name: getattr(options, name) for name in names if getattr(options, name) is not None}
+
+
+def _match(options) -> int:
+    """For every vertex of TARGET, find its point on SOURCE, and save the map."""
+    import sgmds
+
+    from .files import read_mesh
+
+    if options.output.suffix != ".npz":
+        return _fail(f"{options.output}: the map is saved as .npz; please name it so")
+    source, target = read_mesh(options.source), read_mesh(options.target)
+    with _ProgressBar() as progress:
+        corr = sgmds.match(
+            source,
+            target,
+            method=options.method,
+            landmarks=options.landmark or None,
+            progress=progress,
+            **_given(options, "part", "mirror", "threads", "seed"),
+        )
+    corr.save(options.output)
+    print(f"{options.output}: {len(corr.vertices)} vertices, {corr.quality.grade}")
+    for reason in corr.quality.reasons:
+        print(f"  {reason}")
+    return 0
+
+
+def _evaluate(options) -> int:
+    """Match the pairs of each set and measure the maps by the Princeton protocol: geodesic errors over √area, ×100."""
+    from .evaluation import evaluate
+
+    result = evaluate(
+        options.folder,
+        set=options.set,
+        limit=options.limit,
+        method=options.method,
+        bound=options.bound,
+        lines=options.lines or None,
+        distances=options.distances,
+        reverse=options.reverse,
+        compare=options.plot is not None,
+        cache=options.cache,
+        report=None if options.quiet else lambda line: print(line, flush=True),
+        **_given(options, "part", "mirror", "threads", "seed"),
+    )
+    if options.json:
+        options.json.write_text(json.dumps(result.as_json(), indent=1) + "\n", encoding="utf-8")
+    if options.plot:
+        result.plot(options.plot)
+    print(result.text())
+    return 0 if result.pairs and not any(s.failed for s in result.sets) else 1
+
+
+class _ProgressBar:
+    """`progress` for `match`: a bar on a terminal, silent elsewhere. Ctrl-C is seen between two reports."""
+
+    def __enter__(self):
+        self._bar = None
+        if sys.stderr.isatty():
+            from tqdm import tqdm
+
+            self._bar = tqdm(
+                total=100, leave=False, bar_format="{desc:<28}{bar}{percentage:4.0f} % {elapsed}"
+            )
+        return self
+
+    def __exit__(self, *_):
+        if self._bar is not None:
+            self._bar.close()
+
+    def __call__(self, stage: str, fraction: float) -> bool:
+        if self._bar is not None:
+            self._bar.set_description_str(stage, refresh=False)
+            self._bar.n = round(100 * fraction, 1)
+            self._bar.refresh()
+        return True
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,685 @@
+"""The Princeton protocol over folders of shapes with known correspondences.
+
+A set is a folder with `pairs.txt`, a line "A B" for each map asked for: for every vertex of A a vertex of B, so that B is
+the source and A the target of `match`. For a truth line (a, b) and a map f the error is
+
+    d_B(f(a), b) / √area(B)
+
+with geodesic distances d_B; reported times 100. Sets are read by their layout:
+
+    NAME.off, .obj, .ply (also .gz)      meshes
+    pairs.txt                            "A B" a line
+    corr/NAME.txt, NAME.sym.txt          vertex ids, line k of A belongs to line k of B, -1 = not there; .sym: sides swapped
+    corr/IDENTITY                        patterns of names whose meshes share their vertex order
+    corr_pairs/A__B.txt, A__B.sym.txt    two columns "a b"
+    corr_pairs/CLASS__CLASS.txt          the same for all meshes of two classes (name without its final digits)
+    samples/CLASS.txt, CLASS.sym.txt     sampled vertices of a class and their partners on the other side
+    maps/METHOD/A__B.txt                 saved maps of other methods, line i the vertex of B for vertex i of A
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from .files import mesh_format, mesh_name, read_mesh
+
+TRUTH_LINES = 400
+"""Truth lines asked of a pair, spread evenly; fewer than 200 move the mean by one or two units."""
+
+RIGHT_BELOW = 8.0
+"""A pair is right when its direct error ×100 is below this."""
+
+CURVE_THRESHOLDS = np.linspace(0.0, 0.25, 51)
+SAVED = "saved:"
+MISSING_BEYOND = 0.05
+"""A target vertex has no counterpart when it lies farther than this times √area from every vertex that has one."""
+
+
+# ------------------------------------------------------------------ reading a set
+
+
+@dataclass(frozen=True)
+class Truth:
+    """Vertices of A and B that belong together, line by line; `swapped_*` with the sides exchanged, where known.
+
+    `all_a` are the vertices of A with a counterpart, all of them, not only the lines asked.
+    """
+
+    a: np.ndarray
+    b: np.ndarray
+    swapped_a: np.ndarray | None
+    swapped_b: np.ndarray | None
+    all_a: np.ndarray
+
+
+class ShapeSet:
+    """One folder of meshes, pairs and truth."""
+
+    def __init__(self, folder):
+        self.folder = Path(folder)
+        self.name = self.folder.resolve().name
+        self._files = {mesh_name(p): p for p in sorted(self.folder.iterdir()) if mesh_format(p)}
+
+    def pairs(self) -> list[tuple[str, str]]:
+        lines = (self.folder / "pairs.txt").read_text(encoding="utf-8").splitlines()
+        return [(words[0], words[1]) for words in map(str.split, lines) if len(words) >= 2]
+
+    def mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
+        if name not in self._files:
+            raise _evaluation_error(f"{self.folder}: no mesh named {name}, though pairs.txt asks for it")
+        return read_mesh(self._files[name])
+
+    def saved_maps(self) -> list[str]:
+        folder = self.folder / "maps"
+        return sorted(p.name for p in folder.iterdir() if p.is_dir()) if folder.is_dir() else []
+
+    def saved_map(self, method: str, a: str, b: str) -> np.ndarray | None:
+        path = self.folder / "maps" / method / f"{a}__{b}.txt"
+        return np.loadtxt(path, dtype=np.int64, ndmin=1) if path.exists() else None
+
+    def truth(self, a: str, b: str, vertices_a: int, lines: int | None = TRUTH_LINES) -> Truth:
+        ids_a, ids_b = self._direct(a, b, vertices_a)
+        all_a = ids_a
+        swapped = self._swapped(a, b)
+        if swapped is not None and len(swapped[0]) != len(ids_a):
+            if (self.folder / "samples").is_dir():
+                # Partners are known on samples only: ask both ways on the same samples.
+                ids_a = ids_b = swapped[0]
+            else:
+                swapped = None
+        count = len(ids_a)
+        chosen = np.arange(count)
+        if lines is not None and count > lines:
+            chosen = np.linspace(0, count - 1, lines).astype(int)
+        return Truth(
+            ids_a[chosen],
+            ids_b[chosen],
+            None if swapped is None else swapped[0][chosen],
+            None if swapped is None else swapped[1][chosen],
+            all_a,
+        )
+
+    def _direct(self, a, b, vertices_a):
+        found = self._columns(a, b, ".txt")
+        if found is None:
+            found = self._lists(a, b, ".txt")
+        class_a, class_b = _class(a), _class(b)
+        if found is None and class_a != class_b:
+            found = self._columns(class_a, class_b, ".txt")
+        if found is None and self._share_order(a, b):
+            found = np.arange(vertices_a), np.arange(vertices_a)
+        if found is None:
+            raise _evaluation_error(f"{self.folder}: no truth for the pair {a} {b}")
+        return found
+
+    def _swapped(self, a, b):
+        found = self._columns(a, b, ".sym.txt")
+        if found is None:
+            found = self._lists(a, b, ".sym.txt")
+        if found is None and _class(a) == _class(b):
+            samples = self.folder / "samples" / f"{_class(a)}.txt"
+            if samples.exists():
+                found = _ids(samples), _ids(samples.with_suffix(".sym.txt"))
+        return found
+
+    def _columns(self, a, b, ending):
+        for first, second, order in ((a, b, (0, 1)), (b, a, (1, 0))):
+            path = self.folder / "corr_pairs" / f"{first}__{second}{ending}"
+            if path.exists():
+                columns = np.loadtxt(path, dtype=np.int64, ndmin=2)
+                return columns[:, order[0]], columns[:, order[1]]
+        return None
+
+    def _lists(self, a, b, ending):
+        path_a, path_b = self.folder / "corr" / f"{a}.txt", self.folder / "corr" / f"{b}{ending}"
+        if not (path_a.exists() and path_b.exists()):
+            return None
+        ids_a, ids_b = _ids(path_a), _ids(path_b)
+        if len(ids_a) != len(ids_b):
+            raise _evaluation_error(
+                f"{path_a} has {len(ids_a)} lines, {path_b} has {len(ids_b)}: they should agree"
+            )
+        both = (ids_a >= 0) & (ids_b >= 0)
+        return ids_a[both], ids_b[both]
+
+    def _share_order(self, a, b) -> bool:
+        path = self.folder / "corr" / "IDENTITY"
+        if not path.exists():
+            return False
+        patterns = [line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        return any(re.fullmatch(p, a) and re.fullmatch(p, b) for p in patterns)
+
+
+def find_sets(folder, names: Iterable[str] | None = None) -> list[ShapeSet]:
+    """Sets in a folder, or the folder itself when it is one."""
+    folder = Path(folder)
+    if not folder.is_dir():
+        raise _evaluation_error(f"{folder}: no such folder")
+    if (folder / "pairs.txt").exists() and not names:
+        return [ShapeSet(folder)]
+    known = {p.name: p for p in sorted(folder.iterdir()) if (p / "pairs.txt").exists()}
+    wanted = list(names) if names else list(known)
+    for name in wanted:
+        if name not in known:
+            raise _evaluation_error(f"{folder}: no set named {name}; there are {', '.join(known) or 'none'}")
+    if not wanted:
+        raise _evaluation_error(f"{folder}: neither a pairs.txt nor a folder with one")
+    return [ShapeSet(known[name]) for name in wanted]
+
+
+def _class(name: str) -> str:
+    return re.sub(r"\d+$", "", name)
+
+
+def _ids(path) -> np.ndarray:
+    return np.loadtxt(path, dtype=np.int64, ndmin=1)
+
+
+def _evaluation_error(message: str) -> Exception:
+    from sgmds import SgmdsError
+
+    return SgmdsError(message)
+
+
+# ------------------------------------------------------------------ distances
+
+
+def surface_area(vertices, faces) -> float:
+    edges = vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]]
+    return float(np.linalg.norm(np.cross(*edges), axis=1).sum() / 2)
+
+
+class TruthDistances:
+    """Geodesic distances on one mesh from the truth's vertices, in units of √area, each row computed once.
+
+    `kind` is "heat" (potpourri3d, within about 1 % of exact) or "exact" (pygeodesic, some ten times slower). With a
+    `cache` folder rows are kept between runs, under the content of the mesh.
+    """
+
+    def __init__(self, vertices, faces, kind: str = "heat", cache=None):
+        if kind not in ("heat", "exact"):
+            raise ValueError(f'distances should be "heat" or "exact", got {kind!r}')
+        self.vertices, self.faces, self.kind = vertices, faces, kind
+        self.scale = np.sqrt(surface_area(vertices, faces))
+        self._rows: dict[int, np.ndarray] = {}
+        self._solver = None
+        self._file = None
+        if cache is not None:
+            content = hashlib.sha256(kind.encode() + vertices.tobytes() + faces.tobytes()).hexdigest()[:24]
+            self._file = Path(cache) / f"{content}.npz"
+            if self._file.exists():
+                with np.load(self._file) as stored:
+                    self._rows = dict(zip(stored["ids"].tolist(), stored["rows"], strict=True))
+
+    def between(self, origins, points) -> np.ndarray:
+        """Distances from `origins[i]` to `points[i]`. Rows of the origins are kept, so put the truth there."""
+        missing = [int(i) for i in np.unique(origins) if int(i) not in self._rows]
+        if missing:
+            for i in missing:
+                self._rows[i] = (self._row(i) / self.scale).astype(np.float32)
+            if self._file is not None:
+                self._file.parent.mkdir(parents=True, exist_ok=True)
+                temporary = self._file.with_suffix(".part.npz")
+                np.savez(temporary, ids=np.array(list(self._rows)), rows=np.stack(list(self._rows.values())))
+                temporary.replace(self._file)
+        return np.array(
+            [self._rows[int(i)][j] for i, j in zip(origins, points, strict=True)], dtype=np.float64
+        )
+
+    def from_any(self, origins) -> np.ndarray:
+        """Distance of every vertex to the nearest of the origins."""
+        import potpourri3d
+
+        solver = self._solver if self.kind == "heat" and self._solver else None
+        solver = solver or potpourri3d.MeshHeatMethodDistanceSolver(self.vertices, self.faces)
+        return solver.compute_distance_multisource(np.unique(origins).tolist()) / self.scale
+
+    def _row(self, origin: int) -> np.ndarray:
+        if self.kind == "heat":
+            if self._solver is None:
+                import potpourri3d
+
+                self._solver = potpourri3d.MeshHeatMethodDistanceSolver(self.vertices, self.faces)
+            row = self._solver.compute_distance(origin)
+        else:
+            if self._solver is None:
+                import pygeodesic.geodesic
+
+                self._solver = pygeodesic.geodesic.PyGeodesicAlgorithmExact(self.vertices, self.faces)
+            row = self._solver.geodesicDistances(np.array([origin], np.int32), None)[0]
+        if not np.isfinite(row).all():
+            raise _evaluation_error(
+                f'{self.kind} distances on this mesh are not finite; try distances="exact"'
+            )
+        return row
+
+
+# ------------------------------------------------------------------ one pair
+
+
+def pair_errors(distances: TruthDistances, images, a, b) -> np.ndarray:
+    """Error of each truth line; NaN where the map has no image (-1)."""
+    answers = np.asarray(images)[a]
+    errors = np.full(len(a), np.nan)
+    matched = answers >= 0
+    errors[matched] = distances.between(b[matched], answers[matched])
+    return errors
+
+
+def error_summary(errors) -> dict[str, float]:
+    """Mean ×100, fractions below 0.25, 0.10 and 0.05 among the matched lines, and the share of matched lines."""
+    known = errors[~np.isnan(errors)]
+    if len(known) == 0:
+        nothing = float("nan")
+        return {
+            "mean": nothing,
+            "under_0.25": nothing,
+            "under_0.10": nothing,
+            "under_0.05": nothing,
+            "matched": 0.0,
+        }
+    return {
+        "mean": float(100 * known.mean()),
+        "under_0.25": float((known < 0.25).mean()),
+        "under_0.10": float((known < 0.10).mean()),
+        "under_0.05": float((known < 0.05).mean()),
+        "matched": float(len(known) / len(errors)),
+    }
+
+
+def sparsification(errors, confidence) -> dict[str, float]:
+    """How well confidence sorts the errors: mean ×100 of the most confident half, beside the best possible half, and
+    the area between the two curves "mean error of the most confident share" (0 = perfect)."""
+    known = ~np.isnan(errors)
+    errors, confidence = errors[known], confidence[known]
+    if len(errors) == 0:
+        return {}
+    counts = np.arange(1, len(errors) + 1)
+    ours = np.cumsum(errors[np.argsort(-confidence, kind="stable")]) / counts
+    ideal = np.cumsum(np.sort(errors)) / counts
+    half = (len(errors) + 1) // 2 - 1
+    return {
+        "confident_half": float(100 * ours[half]),
+        "ideal_half": float(100 * ideal[half]),
+        "sparsification_gap": float(100 * (ours - ideal).mean()),
+        "sparsification_ours": float(100 * ours.mean()),
+        "sparsification_ideal": float(100 * ideal.mean()),
+    }
+
+
+@dataclass
+class PairResult:
+    """Figures of one pair; errors are ×100."""
+
+    a: str
+    b: str
+    direct: float
+    swapped: float | None
+    status: str
+    under: dict[str, float]
+    lines: int
+    matched: float
+    seconds: float
+    grade: str | None = None
+    reasons: list[str] = field(default_factory=list)
+    alternatives: list[float] = field(default_factory=list)
+    confidence: dict[str, float] = field(default_factory=dict)
+    errors: np.ndarray | None = field(default=None, repr=False)
+
+    @property
+    def best(self) -> float:
+        return self.direct if self.swapped is None else min(self.direct, self.swapped)
+
+    def row(self) -> str:
+        swapped = "     –" if self.swapped is None else f"{self.swapped:6.2f}"
+        text = (
+            f"{self.a:>22} {self.b:<22} {self.direct:6.2f} {swapped}  {self.status:<8} {self.grade or '':<6}"
+        )
+        text += f"{self.seconds:8.2f} s"
+        if self.alternatives:
+            text += "  alternatives " + " ".join(f"{e:.1f}" for e in self.alternatives)
+        return text
+
+
+ROW_HEADER = f"{'A (target)':>22} {'B (source)':<22} {'direct':>6} {'swapped':>6} {'status':<8} {'grade':<6}{'time':>8}"
+
+
+@dataclass
+class SetResult:
+    """Pairs of one set and what they come to."""
+
+    name: str
+    method: str
+    distances: str
+    bound: float
+    pairs: list[PairResult] = field(default_factory=list)
+    failed: dict[str, str] = field(default_factory=dict)
+    prepare_seconds: dict[str, float] = field(default_factory=dict)
+    saved: dict[str, list[np.ndarray]] = field(default_factory=dict, repr=False)
+
+    def summary(self) -> dict:
+        direct = np.array([p.direct for p in self.pairs])
+        right = direct < self.bound
+        status = Counter(p.status for p in self.pairs)
+        result = {
+            "pairs": len(self.pairs),
+            "failed": len(self.failed),
+            "direct": _mean(direct),
+            "best": _mean([p.best for p in self.pairs]),
+            "median": float(np.median(direct)) if len(direct) else float("nan"),
+            "worst": float(direct.max()) if len(direct) else float("nan"),
+            "right": status["right"],
+            "mirrored": status["mirrored"],
+            "broken": status["broken"],
+            "direct_of_right": _mean(direct[right]),
+            "under_0.25": _mean([p.under["0.25"] for p in self.pairs]),
+            "under_0.10": _mean([p.under["0.10"] for p in self.pairs]),
+            "under_0.05": _mean([p.under["0.05"] for p in self.pairs]),
+            "median_seconds": _median([p.seconds for p in self.pairs]),
+            "median_prepare_seconds": _median(list(self.prepare_seconds.values())),
+            "grades": dict(Counter(p.grade for p in self.pairs if p.grade)),
+            "wrong_but_green": sum(p.status != "right" and p.grade == "green" for p in self.pairs),
+        }
+        for figure in sorted({key for p in self.pairs for key in p.confidence}):
+            result[figure] = _mean([p.confidence[figure] for p in self.pairs if figure in p.confidence])
+        return result
+
+    def text(self) -> str:
+        s = self.summary()
+        lines = [
+            f"{self.name}, method {self.method}: mean direct {s['direct']:.2f}, best of both sides {s['best']:.2f}, "
+            f"median {s['median']:.2f}, worst {s['worst']:.2f} (×100, {self.distances} distances)",
+            f"  {s['right']} of {s['pairs']} right (below {self.bound:g}; their mean {s['direct_of_right']:.2f}), "
+            f"{s['mirrored']} mirrored, {s['broken']} broken, {s['failed']} failed",
+            f"  below 0.25 / 0.10 / 0.05: {s['under_0.25']:.3f} / {s['under_0.10']:.3f} / {s['under_0.05']:.3f}",
+            f"  median time: match {s['median_seconds']:.2f} s, preparing a shape {s['median_prepare_seconds']:.2f} s",
+        ]
+        if s["grades"]:
+            grades = ", ".join(f"{n} {g}" for g, n in s["grades"].items())
+            lines.append(f"  grades: {grades}; green among the wrong: {s['wrong_but_green']}")
+        if "confident_half" in s:
+            lines.append(
+                f"  confidence: best half {s['confident_half']:.2f} (ideal {s['ideal_half']:.2f}), area under the "
+                f"sparsification curve {s['sparsification_ours']:.2f} (ideal {s['sparsification_ideal']:.2f})"
+            )
+        if "missing_doubted" in s:
+            lines.append(
+                f"  vertices without a counterpart with confidence below 0.5: {s['missing_doubted']:.3f}, "
+                f"others above 0.5: {s['present_trusted']:.3f}"
+            )
+        lines += [f"  failed {pair}: {reason}" for pair, reason in self.failed.items()]
+        return "\n".join(lines)
+
+    def curves(self) -> dict[str, np.ndarray]:
+        """Share of truth lines within each of `CURVE_THRESHOLDS`: ours, and each saved method's on its pairs."""
+        curves = {self.method: [p.errors for p in self.pairs]} | self.saved
+        return {name: _curve(np.concatenate(errors)) for name, errors in curves.items() if errors}
+
+
+@dataclass
+class Evaluation:
+    """Result of `evaluate`: a list of `SetResult` in `sets`, ready for printing, JSON and plots."""
+
+    sets: list[SetResult] = field(default_factory=list)
+
+    @property
+    def pairs(self) -> list[PairResult]:
+        return [p for s in self.sets for p in s.pairs]
+
+    def summary(self) -> dict[str, dict]:
+        return {s.name: s.summary() for s in self.sets}
+
+    def text(self) -> str:
+        return "\n".join(s.text() for s in self.sets)
+
+    def as_json(self) -> dict:
+        result = {}
+        for s in self.sets:
+            pairs = []
+            for pair in s.pairs:
+                record = asdict(pair)
+                del record["errors"]
+                pairs.append(record)
+            result[s.name] = {
+                "method": s.method,
+                "distances": s.distances,
+                "bound": s.bound,
+                "summary": s.summary(),
+                "thresholds": CURVE_THRESHOLDS.tolist(),
+                "curves": {name: curve.tolist() for name, curve in s.curves().items()},
+                "prepare_seconds": s.prepare_seconds,
+                "failed": s.failed,
+                "pairs": pairs,
+            }
+        return {"sets": result}
+
+    def plot(self, path) -> None:
+        """Error curves, a panel for each set, beside those of the set's saved maps on the same pairs."""
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(5.2 * len(self.sets), 4.4), layout="constrained")
+        panels = figure.subplots(1, len(self.sets), squeeze=False)[0]
+        for panel, s in zip(panels, self.sets, strict=True):
+            for i, (name, curve) in enumerate(s.curves().items()):
+                style = {"color": "#d1495b", "linewidth": 2.4} if i == 0 else {"linewidth": 1.3}
+                label = f"sgmds {name}" if i == 0 else name
+                panel.plot(CURVE_THRESHOLDS, 100 * curve, label=label, **style)
+            panel.set_title(f"{s.name}, {len(s.pairs)} pairs")
+            panel.set_xlabel("geodesic error / √area")
+            panel.set_xlim(0, CURVE_THRESHOLDS[-1])
+            panel.set_ylim(0, 100)
+            panel.grid(alpha=0.25)
+            panel.legend(loc="lower right", frameon=False)
+        panels[0].set_ylabel("% of correspondences within")
+        figure.savefig(path, dpi=160)
+
+
+def _mean(values) -> float:
+    return float(np.mean(values)) if len(values) else float("nan")
+
+
+def _median(values) -> float:
+    return float(np.median(values)) if len(values) else float("nan")
+
+
+def _curve(errors) -> np.ndarray:
+    known = np.sort(errors[~np.isnan(errors)])
+    return np.searchsorted(known, CURVE_THRESHOLDS, side="right") / max(len(known), 1)
+
+
+# ------------------------------------------------------------------ the whole run
+
+
+def evaluate(
+    folder,
+    set: str | Iterable[str] | None = None,  # noqa: A002 - the word users know from the data
+    limit: int | None = None,
+    method: str | Callable = "auto",
+    *,
+    bound: float = RIGHT_BELOW,
+    lines: int | None = TRUTH_LINES,
+    distances: str = "heat",
+    reverse: bool = False,
+    compare: bool = False,
+    cache=None,
+    report: Callable[[str], object] | None = None,
+    **match_options,
+) -> Evaluation:
+    """Match the pairs of one or more sets and measure the maps by the Princeton protocol.
+
+    `folder` is a set or holds several, of which `set` picks some; `limit` takes the first pairs of each. `method` is
+    "auto" or "paper", "saved:NAME" for the maps stored with the set, or a callable `(source, target) -> vertex ids`
+    given (vertices, faces) twice. A pair is *right* when its direct error ×100 is below `bound`, else *mirrored* when the
+    error against the swapped truth is, else *broken*. `distances` is "heat" or "exact", `lines` the truth lines
+    asked of a pair, `reverse` turns every pair round, `compare` measures saved maps of other methods on the same pairs
+    too, `cache` is a folder that keeps truth distances between runs. `report` receives each line of the table.
+    Everything else goes to `match`.
+
+    Each shape is prepared once and let go after its last pair. A pair that cannot be matched is listed in `failed`.
+    """
+    names = [set] if isinstance(set, str) else set
+    result = Evaluation()
+    for shapes in find_sets(folder, names):
+        result.sets.append(
+            _evaluate_set(
+                shapes, limit, method, bound, lines, distances, reverse, compare, cache, report, match_options
+            )
+        )
+    return result
+
+
+def _evaluate_set(
+    shapes, limit, method, bound, lines, distances, reverse, compare, cache, report, match_options
+) -> SetResult:
+    from sgmds import SgmdsError
+
+    report = report or (lambda line: None)
+    pairs = shapes.pairs()[:limit]
+    if reverse:
+        pairs = [(b, a) for a, b in pairs]
+    label = method if isinstance(method, str) else getattr(method, "__name__", "callable")
+    result = SetResult(shapes.name, label, distances, bound)
+    pool = _ShapePool(
+        shapes, pairs, distances, cache, prepared=isinstance(method, str) and label[:6] != SAVED
+    )
+    others = [m for m in shapes.saved_maps() if SAVED + m != label] if compare else []
+    report(ROW_HEADER)
+    for a, b in pairs:
+        try:
+            pair = _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options)
+        except SgmdsError as error:
+            result.failed[f"{a} {b}"] = str(error)
+            report(f"{a:>22} {b:<22} failed: {error}")
+        else:
+            result.pairs.append(pair)
+            report(pair.row())
+            for other in others:
+                images = shapes.saved_map(other, a, b)
+                if images is not None:
+                    truth = shapes.truth(a, b, len(pool.mesh(a)[0]), lines)
+                    errors = pair_errors(pool.distances(b), images, truth.a, truth.b)
+                    result.saved.setdefault(other, []).append(errors)
+        pool.done(a)
+        pool.done(b)
+    result.prepare_seconds = pool.prepare_seconds
+    return result
+
+
+def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> PairResult:
+    vertices_a = len(pool.mesh(a)[0])
+    corr = None
+    if callable(method):
+        started = time.perf_counter()
+        images = method(pool.mesh(b), pool.mesh(a))
+    elif method.startswith(SAVED):
+        started = time.perf_counter()
+        images = shapes.saved_map(method[len(SAVED) :], a, b)
+        if images is None:
+            raise _evaluation_error(f"no saved map of {method[len(SAVED) :]} for this pair")
+    else:
+        import sgmds
+
+        source, target = pool.shape(b), pool.shape(a)
+        started = time.perf_counter()
+        corr = sgmds.match(source, target, method=method, **match_options)
+        images = corr.vertices
+    seconds = time.perf_counter() - started
+    if len(images) != vertices_a:
+        raise _evaluation_error(f"the map has {len(images)} images for {vertices_a} vertices")
+
+    truth = shapes.truth(a, b, vertices_a, lines)
+    on_b = pool.distances(b)
+    errors = pair_errors(on_b, images, truth.a, truth.b)
+    figures = error_summary(errors)
+    swapped = None
+    if truth.swapped_a is not None:
+        swapped = error_summary(pair_errors(on_b, images, truth.swapped_a, truth.swapped_b))["mean"]
+    status = "broken"
+    if figures["mean"] < bound:
+        status = "right"
+    elif swapped is not None and swapped < bound:
+        status = "mirrored"
+    pair = PairResult(
+        a,
+        b,
+        figures["mean"],
+        swapped,
+        status,
+        {key[6:]: figures[key] for key in figures if key.startswith("under_")},
+        len(truth.a),
+        figures["matched"],
+        seconds,
+        errors=errors,
+    )
+    if corr is not None:
+        pair.grade = getattr(corr.quality, "grade", None)
+        pair.reasons = list(getattr(corr.quality, "reasons", ()))
+        pair.alternatives = [
+            error_summary(pair_errors(on_b, other.vertices, truth.a, truth.b))["mean"]
+            for other in corr.alternatives
+        ]
+        confidence = np.asarray(corr.confidence)
+        pair.confidence = sparsification(errors, confidence[truth.a]) | _missing_parts(
+            pool.distances(a), truth.all_a, confidence
+        )
+    return pair
+
+
+def _missing_parts(on_a: TruthDistances, present, confidence) -> dict[str, float]:
+    """Where A is more than B: how many vertices without a counterpart are doubted, how many others trusted."""
+    has_truth = np.zeros(len(confidence), dtype=bool)
+    has_truth[present] = True
+    if has_truth.all():
+        return {}
+    missing = on_a.from_any(present) > MISSING_BEYOND
+    # A truth given on scattered samples leaves gaps of that size by chance; a missing part is larger than that.
+    if missing.mean() < 0.01:
+        return {}
+    return {
+        "missing_doubted": float((confidence[missing] < 0.5).mean()),
+        "present_trusted": float((confidence[~missing] > 0.5).mean()),
+    }
+
+
+class _ShapePool:
+    """Meshes, prepared shapes and truth distances, each made when first needed and dropped after its last pair."""
+
+    def __init__(self, shapes: ShapeSet, pairs, distances: str, cache, prepared: bool):
+        self._shapes, self._kind, self._cache, self._prepared = shapes, distances, cache, prepared
+        self._uses = Counter(name for pair in pairs for name in pair)
+        self._meshes, self._made, self._distances = {}, {}, {}
+        self.prepare_seconds: dict[str, float] = {}
+
+    def mesh(self, name):
+        if name not in self._meshes:
+            self._meshes[name] = self._shapes.mesh(name)
+        return self._meshes[name]
+
+    def shape(self, name):
+        if name not in self._made:
+            import sgmds
+
+            mesh = self.mesh(name)
+            started = time.perf_counter()
+            self._made[name] = sgmds.Shape(*mesh)
+            self.prepare_seconds[name] = time.perf_counter() - started
+        return self._made[name]
+
+    def distances(self, name) -> TruthDistances:
+        if name not in self._distances:
+            self._distances[name] = TruthDistances(*self.mesh(name), self._kind, self._cache)
+        return self._distances[name]
+
+    def done(self, name):
+        self._uses[name] -= 1
+        if self._uses[name] <= 0:
+            for kept in (self._meshes, self._made, self._distances):
+                kept.pop(name, None)

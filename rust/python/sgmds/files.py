@@ -1,0 +1,111 @@
+"""Reading meshes from files, with vertices and faces in the order of the file.
+
+OBJ is read here, because other readers split vertices at UV seams or reorder faces; the other formats
+come through trimesh, told to change nothing.
+"""
+
+from __future__ import annotations
+
+import gzip
+import io
+from pathlib import Path
+
+import numpy as np
+
+FORMATS = ("obj", "off", "ply", "stl", "glb")
+GZIPPED = ("off", "obj", "ply")
+
+
+def mesh_format(path) -> str:
+    """Format of a mesh file by its name: `"obj"`, `"off"`, … or `"obj.gz"`, …; empty when it is none of ours."""
+    suffixes = [s.lstrip(".").lower() for s in Path(path).suffixes]
+    if suffixes and suffixes[-1] in FORMATS:
+        return suffixes[-1]
+    if len(suffixes) > 1 and suffixes[-1] == "gz" and suffixes[-2] in GZIPPED:
+        return suffixes[-2] + ".gz"
+    return ""
+
+
+def mesh_name(path) -> str:
+    """File name without the ending of its format."""
+    return Path(path).name[: -len(mesh_format(path)) - 1]
+
+
+def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices (n, 3) float64 and triangles (m, 3) int64 of a mesh file.
+
+    Polygons are cut into fans from their first corner. Vertices keep the order of the file, unused ones too. STL has
+    no vertices of its own, only corners: equal ones are joined, in order of first appearance. A GLB scene comes in
+    world space, its meshes one after the other.
+
+    Raises `MeshError` naming the file and the reason; what a mesh must satisfy to be matched is checked by `Shape`.
+    """
+    from sgmds import MeshError
+
+    kind = mesh_format(path)
+    if not kind:
+        known = ", ".join("." + f for f in FORMATS) + ", " + ", ".join(f".{f}.gz" for f in GZIPPED)
+        raise MeshError(f"{path}: unknown kind of file; use one of {known}")
+    try:
+        data = Path(path).read_bytes()
+        if kind.endswith(".gz"):
+            data = gzip.decompress(data)
+    except (OSError, EOFError) as error:
+        raise MeshError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+    try:
+        vertices, faces = (
+            _obj(data) if kind.startswith("obj") else _through_trimesh(data, kind.removesuffix(".gz"))
+        )
+    except Exception as error:
+        # Readers fail in many ways on damaged files; each of them is the file's fault.
+        raise MeshError(f"{path}: cannot be read as {kind.split('.')[0].upper()}: {error}") from error
+    if len(vertices) == 0:
+        raise MeshError(f"{path}: has no vertices")
+    if len(faces) == 0:
+        raise MeshError(f"{path}: has no faces")
+    if faces.min() < 0 or faces.max() >= len(vertices):
+        bad = int(np.argmax(((faces < 0) | (faces >= len(vertices))).any(axis=1)))
+        raise MeshError(
+            f"{path}: triangle {bad} names a vertex outside 0…{len(vertices) - 1}; the file is damaged or cut short"
+        )
+    return vertices, faces
+
+
+def _obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
+    positions = []
+    corners = []
+    continued = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    for number, line in enumerate(continued.split(b"\n"), start=1):
+        words = line.split()
+        if not words:
+            continue
+        try:
+            if words[0] == b"v":
+                positions.append((float(words[1]), float(words[2]), float(words[3])))
+            elif words[0] == b"f":
+                ids = [int(word.split(b"/", 1)[0]) for word in words[1:]]
+                # OBJ counts from 1; negative ids count back from the last vertex so far.
+                ids = [i - 1 if i > 0 else len(positions) + i for i in ids]
+                corners.extend((ids[0], ids[k], ids[k + 1]) for k in range(1, len(ids) - 1))
+        except (ValueError, IndexError) as error:
+            raise ValueError(f"line {number} is not understood") from error
+    vertices = np.array(positions, dtype=np.float64).reshape(-1, 3)
+    return vertices, np.array(corners, dtype=np.int64).reshape(-1, 3)
+
+
+def _through_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
+    try:
+        import trimesh
+    except ImportError as error:
+        raise ImportError('reading it needs trimesh: pip install "sgmds[tools]"') from error
+
+    mesh = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=False, maintain_order=True)
+    vertices = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+    faces = np.array(getattr(mesh, "faces", ()), dtype=np.int64).reshape(-1, 3)
+    if kind == "stl":
+        _, first, joined = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+        order = np.argsort(first)
+        rank = np.empty_like(order)
+        rank[order] = np.arange(len(order))
+        vertices, faces = vertices[first[order]], rank[joined.reshape(-1)][faces]
+    return vertices, faces
