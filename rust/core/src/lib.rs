@@ -2,6 +2,7 @@
 
 pub mod eigenbasis;
 pub mod error;
+pub mod geodesics;
 pub mod laplacian;
 pub mod mesh;
 pub mod vector;

@@ -1,0 +1,58 @@
+//! Geodesic distances from vertices or points, and samples spread evenly by them.
+//!
+//! All distances are in the unit of the mesh's coordinates (unit-area lengths for a [`Mesh`]), and
+//! in single precision: their discretisation error is orders of magnitude above its rounding.
+
+mod farthest_points;
+mod fast_marching;
+
+pub use farthest_points::farthest_points;
+pub use fast_marching::{FastMarching, Seed, Workspace};
+
+use faer::Mat;
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+
+/// Distances from each source to every vertex.
+///
+/// Shape `(n, s)`: column `j` holds the distances from `sources[j]`, contiguous in memory.
+/// Vertices that cannot be reached are infinite. Columns are marched in parallel, each on its own,
+/// so the result does not depend on the number of threads. `cancelled` is asked before each source.
+///
+/// # Errors
+/// [`Error::BadArgument`] when a source is not a vertex, [`Error::Cancelled`].
+#[expect(
+    clippy::missing_panics_doc,
+    reason = "an owned matrix has contiguous columns"
+)]
+pub fn distances_from(
+    marching: &FastMarching,
+    sources: &[u32],
+    cancelled: &(dyn Fn() -> bool + Sync),
+) -> Result<Mat<f32>> {
+    let n = marching.vertex_count();
+    if let Some(source) = sources.iter().find(|&&s| s as usize >= n) {
+        return Err(Error::BadArgument {
+            what: format!("source {source} is not one of the {n} vertices: give ids below {n}"),
+        });
+    }
+    let mut distances = Mat::<f32>::zeros(n, sources.len());
+    distances
+        .par_col_iter_mut()
+        .zip(sources)
+        .try_for_each_init(
+            || Workspace::new(marching),
+            |workspace, (column, &source)| {
+                if cancelled() {
+                    return Err(Error::Cancelled);
+                }
+                let column = column
+                    .try_as_col_major_mut()
+                    .expect("an owned matrix has contiguous columns");
+                marching.march(source, workspace, column.as_slice_mut());
+                Ok(())
+            },
+        )?;
+    Ok(distances)
+}
