@@ -1,8 +1,27 @@
 //! Spectral generalised multidimensional scaling (S-GMDS): dense maps between deformable surfaces.
 
+pub mod confidence;
+pub mod dense;
+pub mod descriptors;
+pub mod distance_operator;
 pub mod eigenbasis;
 pub mod error;
 pub mod geodesics;
 pub mod laplacian;
+pub mod map_search;
+pub mod matching;
 pub mod mesh;
+pub mod nearest;
+pub mod orientation;
+pub mod pointwise_map;
+pub mod progress;
+pub mod quality;
+pub mod refinement;
+pub mod selection;
+pub mod shape;
+pub mod space_tree;
+pub mod spectral_gmds;
+pub mod transfer;
 pub mod vector;
+
+pub use error::{Error, Result};

@@ -53,6 +53,8 @@ pub struct Mesh {
     pub input_vertex: Vec<u32>,
     /// Given face of each surface face.
     pub input_face: Vec<u32>,
+    /// Whether the last two corners of each surface face were exchanged to turn its winding.
+    pub turned: Vec<bool>,
     /// Given mesh's length of one unit here: √area.
     pub scale: f64,
     /// Area centroid of the part in given coordinates.
@@ -77,6 +79,15 @@ impl Adjacency {
     #[must_use]
     pub fn row(&self, i: usize) -> &[u32] {
         &self.entries[self.starts[i] as usize..self.starts[i + 1] as usize]
+    }
+
+    /// No entries in any row.
+    #[must_use]
+    pub fn empty(rows: usize) -> Self {
+        Self {
+            starts: vec![0; rows + 1],
+            entries: Vec::new(),
+        }
     }
 
     fn from_lists(rows: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
@@ -112,7 +123,7 @@ impl Mesh {
         let mut report = IntakeReport::default();
         let (mut kept, normalised, unit, origin) = checked_faces(vertices, faces, &mut report)?;
         drop_smaller_components(vertices.len(), &normalised, &mut kept, &mut report);
-        orient(&mut kept, &mut report);
+        let turned = orient(&mut kept, &mut report);
 
         let mut new_id = vec![u32::MAX; vertices.len()];
         let mut input_vertex = Vec::new();
@@ -156,6 +167,7 @@ impl Mesh {
             input_face: kept.iter().map(|&(id, _)| id).collect(),
             scale: length * unit,
             centre: vector::add(origin, vector::scaled(centre, unit)),
+            turned,
             report,
             input_positions: normalised.iter().map(place).collect(),
         };
@@ -307,10 +319,13 @@ fn checked_faces(
     let low = used
         .iter()
         .fold([f64::INFINITY; 3], |m, p| [0, 1, 2].map(|i| m[i].min(p[i])));
-    let high = used
-        .iter()
-        .fold([f64::NEG_INFINITY; 3], |m, p| [0, 1, 2].map(|i| m[i].max(p[i])));
-    let unit = (0..3).map(|i| high[i] / 2.0 - low[i] / 2.0).fold(0.0, f64::max) * 2.0;
+    let high = used.iter().fold([f64::NEG_INFINITY; 3], |m, p| {
+        [0, 1, 2].map(|i| m[i].max(p[i]))
+    });
+    let unit = (0..3)
+        .map(|i| high[i] / 2.0 - low[i] / 2.0)
+        .fold(0.0, f64::max)
+        * 2.0;
     if used.is_empty() || unit <= 0.0 {
         return Err(Error::EmptyMesh {
             vertices: vertices.len(),
@@ -428,8 +443,8 @@ fn edge_faces(faces: impl Iterator<Item = [u32; 3]>) -> Vec<(u32, u32, u32, bool
 }
 
 /// Turns windings so that neighbours across manifold edges agree; each part connected that way
-/// keeps the winding of the majority of its faces.
-fn orient(faces: &mut FacesWithIds, report: &mut IntakeReport) {
+/// keeps the winding of the majority of its faces. Returns which faces were turned.
+fn orient(faces: &mut FacesWithIds, report: &mut IntakeReport) -> Vec<bool> {
     let edges = edge_faces(faces.iter().map(|(_, f)| *f));
     let mut links: Vec<(u32, u32, bool)> = Vec::with_capacity(edges.len());
     for run in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
@@ -477,12 +492,14 @@ fn orient(faces: &mut FacesWithIds, report: &mut IntakeReport) {
             }
         }
     }
-    for ((_, face), turn) in faces.iter_mut().zip(turned) {
-        if turn == Some(true) {
+    let turned: Vec<bool> = turned.into_iter().map(|t| t == Some(true)).collect();
+    for ((_, face), &turn) in faces.iter_mut().zip(&turned) {
+        if turn {
             face.swap(1, 2);
             report.flipped_faces += 1;
         }
     }
+    turned
 }
 
 /// Boundary loops as vertex cycles along the winding of their faces. A loop that runs through a
@@ -504,7 +521,6 @@ fn boundary_loops(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
         let mut path: Vec<u32> = Vec::new();
         let mut at = Some(start);
         while let Some(edge) = at {
-            used[edge] |= path.is_empty() && used[edge];
             if used[edge] {
                 break;
             }

@@ -1,1 +1,353 @@
-//! b
+//! Thin Python binding: arrays in, one call, arrays out. The package `sgmds` wraps it.
+
+mod errors;
+mod watched;
+
+use std::sync::Arc;
+
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sgmds_core::matching::{self, Correspondence, Hypothesis, Method, Options};
+use sgmds_core::selection::{Figures, Mirror};
+use sgmds_core::shape::Shape;
+use sgmds_core::{Error, quality, transfer};
+
+use watched::watched;
+
+/// A prepared shape.
+#[pyclass(frozen, module = "sgmds._core")]
+struct PreparedShape {
+    shape: Arc<Shape>,
+}
+
+/// What `match_pair` takes for each shape.
+enum Input {
+    Ready(Arc<Shape>),
+    Raw(Vec<[f64; 3]>, Vec<[i64; 3]>),
+}
+
+impl Input {
+    fn extract(value: &Bound<'_, PyAny>) -> PyResult<Self> {
+        if let Ok(shape) = value.cast::<PreparedShape>() {
+            return Ok(Self::Ready(Arc::clone(&shape.get().shape)));
+        }
+        let (vertices, faces): (PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, i64>) =
+            value.extract()?;
+        Ok(Self::Raw(triples(&vertices)?, triples(&faces)?))
+    }
+
+    fn prepared(
+        self,
+        progress: &sgmds_core::progress::Progress,
+        report: &(dyn Fn(&'static str, f64) -> Result<(), Error> + Sync),
+    ) -> Result<Arc<Shape>, Error> {
+        match self {
+            Self::Ready(shape) => Ok(shape),
+            Self::Raw(vertices, faces) => {
+                Shape::new(&vertices, &faces, progress, report).map(Arc::new)
+            }
+        }
+    }
+}
+
+fn triples<T: numpy::Element + Copy>(array: &PyReadonlyArray2<'_, T>) -> PyResult<Vec<[T; 3]>> {
+    let flat = array.as_slice()?;
+    Ok(flat.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect())
+}
+
+fn matrix<'py>(py: Python<'py>, m: faer::MatRef<'_, f64>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let flat: Vec<f64> = (0..m.nrows())
+        .flat_map(|i| (0..m.ncols()).map(move |j| m[(i, j)]))
+        .collect();
+    flat.into_pyarray(py).reshape([m.nrows(), m.ncols()])
+}
+
+#[pymethods]
+impl PreparedShape {
+    /// Smallest eigenvalues in 1/length².
+    #[getter]
+    fn eigenvalues<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        let scale = self.shape.mesh.scale.powi(-2);
+        let values: Vec<f64> = self.shape.basis.values.iter().map(|l| l * scale).collect();
+        values.into_pyarray(py)
+    }
+
+    /// Eigenfunctions at the given vertices, zero at dropped ones.
+    #[getter]
+    fn eigenfunctions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.shape.given_functions().as_ref())
+    }
+
+    /// Lumped areas at the given vertices.
+    #[getter]
+    fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.shape.given_mass().into_pyarray(py)
+    }
+
+    /// Samples from which distances were marched.
+    #[getter]
+    fn samples<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        self.shape.given_samples().into_pyarray(py)
+    }
+
+    /// Distances between the samples.
+    #[getter]
+    fn geodesics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.shape.given_geodesics().as_ref())
+    }
+
+    /// Distance operator in the given unit cubed.
+    #[getter]
+    fn distance_operator<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let scale = self.shape.mesh.scale.powi(3);
+        matrix(
+            py,
+            (faer::Scale(scale) * &self.shape.distance_operator).as_ref(),
+        )
+    }
+
+    /// Given vertices.
+    #[getter]
+    fn vertex_count(&self) -> usize {
+        self.shape.mesh.input_positions.len()
+    }
+
+    /// What the intake ignored or mended.
+    #[getter]
+    fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let r = &self.shape.mesh.report;
+        let dict = PyDict::new(py);
+        for (name, count) in [
+            ("zero_area_faces", r.zero_area_faces),
+            ("duplicate_faces", r.duplicate_faces),
+            ("isolated_vertices", r.isolated_vertices),
+            ("dropped_components", r.dropped_components),
+            ("dropped_component_vertices", r.dropped_component_vertices),
+            ("flipped_faces", r.flipped_faces),
+            ("nonmanifold_edges", r.nonmanifold_edges),
+            ("boundary_edges", r.boundary_edges),
+            ("closed_holes", r.closed_holes),
+        ] {
+            dict.set_item(name, count)?;
+        }
+        Ok(dict)
+    }
+}
+
+/// Prepares one mesh: `vertices` (n, 3) float64, `faces` (m, 3) int64, both contiguous.
+#[pyfunction]
+#[pyo3(signature = (vertices, faces, progress=None, threads=None))]
+fn prepare(
+    py: Python<'_>,
+    vertices: PyReadonlyArray2<'_, f64>,
+    faces: PyReadonlyArray2<'_, i64>,
+    progress: Option<&Bound<'_, PyAny>>,
+    threads: Option<usize>,
+) -> PyResult<PreparedShape> {
+    let (vertices, faces) = (triples(&vertices)?, triples(&faces)?);
+    let shape = watched(py, progress, threads, move |state| {
+        Shape::new(&vertices, &faces, state, &|stage, f| state.enter(stage, f))
+    })?;
+    Ok(PreparedShape {
+        shape: Arc::new(shape),
+    })
+}
+
+/// A map as computed, with the shapes it needs to complete its alternatives.
+#[pyclass(frozen, module = "sgmds._core")]
+struct RawMatch {
+    source: Arc<Shape>,
+    target: Arc<Shape>,
+    found: Correspondence,
+}
+
+#[pymethods]
+impl RawMatch {
+    /// Source face of each target vertex's image.
+    #[getter]
+    fn faces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        let ids: Vec<i64> = self.found.faces.iter().map(|&f| i64::from(f)).collect();
+        ids.into_pyarray(py)
+    }
+
+    /// Weights of that face's corners.
+    #[getter]
+    fn barycentric<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let flat: Vec<f64> = self.found.barycentric.iter().flatten().copied().collect();
+        flat.into_pyarray(py)
+            .reshape([self.found.barycentric.len(), 3])
+    }
+
+    /// Corner with the largest weight.
+    #[getter]
+    fn vertices<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
+        let ids: Vec<i64> = self.found.vertices.iter().map(|&v| i64::from(v)).collect();
+        ids.into_pyarray(py)
+    }
+
+    /// Confidence in [0, 1].
+    #[getter]
+    fn confidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.found.confidence.clone().into_pyarray(py)
+    }
+
+    /// α, source coefficients → target coefficients.
+    #[getter]
+    fn functional_map<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        matrix(py, self.found.functional_map.as_ref())
+    }
+
+    /// Grade, reasons and figures.
+    #[getter]
+    fn quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let dict = PyDict::new(py);
+        dict.set_item("unmatched", self.found.unmatched)?;
+        if let Some(figures) = &self.found.figures {
+            let (grade, reasons) = quality::graded(figures);
+            dict.set_item("grade", grade.name())?;
+            dict.set_item("reasons", reasons)?;
+            let Figures {
+                score,
+                orientation,
+                local_distortion,
+                stretch,
+                curvature_mismatch,
+                agreed,
+            } = *figures;
+            dict.set_item("score", score)?;
+            dict.set_item("orientation", orientation)?;
+            dict.set_item("local_distortion", local_distortion)?;
+            dict.set_item("stretch", stretch)?;
+            dict.set_item("curvature_mismatch", curvature_mismatch)?;
+            dict.set_item("agreed", agreed)?;
+        }
+        if let Some(end) = &self.found.convergence {
+            dict.set_item("energy", end.energy)?;
+            dict.set_item("gradient_norm", end.gradient_norm)?;
+            dict.set_item("steps", end.steps)?;
+            dict.set_item("converged", end.converged)?;
+        }
+        Ok(dict)
+    }
+
+    /// How many alternatives there are.
+    #[getter]
+    fn alternative_count(&self) -> usize {
+        self.found.others.len()
+    }
+
+    /// Completes one alternative to a dense map.
+    #[pyo3(signature = (index, progress=None, threads=None))]
+    fn alternative(
+        &self,
+        py: Python<'_>,
+        index: usize,
+        progress: Option<&Bound<'_, PyAny>>,
+        threads: Option<usize>,
+    ) -> PyResult<Self> {
+        let (source, target) = (Arc::clone(&self.source), Arc::clone(&self.target));
+        let other: Hypothesis = self.found.others[index].clone();
+        let found = watched(py, progress, threads, move |state| {
+            matching::completed(&source, &target, &other, state, &|s, f| state.enter(s, f))
+        })?;
+        Ok(Self {
+            source: Arc::clone(&self.source),
+            target: Arc::clone(&self.target),
+            found,
+        })
+    }
+}
+
+/// Matches two shapes, each prepared or a pair of contiguous arrays (float64, int64).
+#[pyfunction]
+#[pyo3(signature = (source, target, method, mirror, landmarks, progress=None, threads=None))]
+#[expect(
+    clippy::too_many_arguments,
+    reason = "keyword arguments of the Python function"
+)]
+fn match_pair(
+    py: Python<'_>,
+    source: &Bound<'_, PyAny>,
+    target: &Bound<'_, PyAny>,
+    method: &str,
+    mirror: &str,
+    landmarks: Vec<(u32, u32)>,
+    progress: Option<&Bound<'_, PyAny>>,
+    threads: Option<usize>,
+) -> PyResult<RawMatch> {
+    let options = Options {
+        method: if method == "paper" {
+            Method::Paper
+        } else {
+            Method::Auto
+        },
+        mirror: if mirror == "allow" {
+            Mirror::Allow
+        } else {
+            Mirror::Forbid
+        },
+        landmarks,
+    };
+    let (source, target) = (Input::extract(source)?, Input::extract(target)?);
+    // Preparing is about half of the work.
+    let prepared_share = match (&source, &target) {
+        (Input::Ready(_), Input::Ready(_)) => 0.0,
+        _ => 0.5,
+    };
+    watched(py, progress, threads, move |state| {
+        let report = |stage, f: f64| state.enter(stage, prepared_share * f);
+        let (source, target) = rayon::join(
+            || source.prepared(state, &report),
+            || target.prepared(state, &report),
+        );
+        let (source, target) = (source?, target?);
+        let found = matching::match_shapes(&source, &target, &options, state, &|stage, f| {
+            state.enter(stage, prepared_share + (1.0 - prepared_share) * f)
+        })?;
+        Ok(RawMatch {
+            source,
+            target,
+            found,
+        })
+    })
+}
+
+/// Values of the source at the images of the target's vertices; all arrays contiguous.
+#[pyfunction]
+fn transfer_values<'py>(
+    py: Python<'py>,
+    faces: Vec<i64>,
+    barycentric: PyReadonlyArray2<'py, f64>,
+    triangles: PyReadonlyArray2<'py, i64>,
+    values: PyReadonlyArray2<'py, f64>,
+) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    let (weights, triangles) = (triples(&barycentric)?, triples(&triangles)?);
+    let [rows, channels] = *values.as_array().shape() else {
+        unreachable!("the array has two dimensions")
+    };
+    let out = transfer::transfer(
+        &faces,
+        &weights,
+        &triangles,
+        rows,
+        values.as_slice()?,
+        channels,
+    )
+    .map_err(|e| errors::to_python(py, &e))?;
+    out.into_pyarray(py).reshape([faces.len(), channels])
+}
+
+#[pymodule]
+fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    // Threads are taken per pair and per shape; a factorisation that took its own would change
+    // the order of sums.
+    faer::set_global_parallelism(faer::Par::Seq);
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<PreparedShape>()?;
+    module.add_class::<RawMatch>()?;
+    module.add_function(wrap_pyfunction!(prepare, module)?)?;
+    module.add_function(wrap_pyfunction!(match_pair, module)?)?;
+    module.add_function(wrap_pyfunction!(transfer_values, module)?)?;
+    Ok(())
+}

@@ -1,0 +1,54 @@
+//! How far to trust each vertex of a map.
+
+use rayon::prelude::*;
+
+use crate::error::Result;
+use crate::geodesics;
+use crate::progress::Progress;
+use crate::shape::Shape;
+
+/// Samples whose distances are compared.
+const WITNESSES: usize = 80;
+/// Reach of a sample at unit area.
+const REACH: f64 = 0.25;
+/// Keeps the weights of far samples above zero.
+const WEIGHT_FLOOR: f64 = 1e-6;
+/// Local distortion at which confidence falls to 1/e.
+const TOLERATED: f64 = 0.04;
+
+/// Confidence in [0, 1] for each target vertex: how well distances to nearby samples are kept.
+///
+/// `images` is the source vertex of each target vertex. exp(−(δ/0.04)²), δ the mean change of
+/// the distances to 80 samples, near ones weighing most. It cannot see a wholly wrong map.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub fn confidence(
+    target: &Shape,
+    source: &Shape,
+    images: &[u32],
+    progress: &Progress,
+) -> Result<Vec<f64>> {
+    let count = WITNESSES.min(target.marched().len());
+    let witnesses: Vec<u32> = target.marched()[..count]
+        .iter()
+        .map(|&v| images[v as usize])
+        .collect();
+    let on_source =
+        geodesics::distances_from(&source.marching, &witnesses, &|| progress.is_cancelled())?;
+    Ok(images
+        .par_iter()
+        .enumerate()
+        .map(|(v, &image)| {
+            let (mut sum, mut total) = (0.0, 0.0);
+            for j in 0..count {
+                let here = f64::from(target.fields[(v, j)]);
+                let there = f64::from(on_source[(image as usize, j)]);
+                let weight = (-(here / REACH).powi(2)).exp() + WEIGHT_FLOOR;
+                sum += weight * (here - there).abs();
+                total += weight;
+            }
+            (-(sum / total / TOLERATED).powi(2)).exp()
+        })
+        .collect())
+}

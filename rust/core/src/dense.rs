@@ -1,0 +1,121 @@
+//! Small dense algebra in a fixed order of operations, so that results do not depend on threads.
+
+use faer::linalg::matmul::matmul;
+use faer::linalg::solvers::Solve;
+use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
+
+use crate::error::{Error, Result};
+
+/// A·B.
+#[must_use]
+pub fn product(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
+    let mut out = Mat::zeros(a.nrows(), b.ncols());
+    matmul(out.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
+    out
+}
+
+/// Adds A·B.
+pub fn add_product(out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>) {
+    matmul(out, Accum::Add, a, b, 1.0, Par::Seq);
+}
+
+/// Solves (G + diag(ridge)) X = B for symmetric positive definite G.
+///
+/// # Errors
+/// [`Error::NotFactorised`] when the sum is not positive definite.
+pub fn solve_with_ridge(
+    mut gram: Mat<f64>,
+    ridge: impl Fn(usize) -> f64,
+    right: MatRef<'_, f64>,
+) -> Result<Mat<f64>> {
+    for i in 0..gram.nrows() {
+        gram[(i, i)] += ridge(i);
+    }
+    let factor = gram.llt(Side::Lower).map_err(|e| Error::NotFactorised {
+        reason: format!("least squares of size {}: {e:?}", gram.nrows()),
+    })?;
+    Ok(factor.solve(right))
+}
+
+/// Rows of a matrix in the order of `ids`, first `columns` columns.
+#[must_use]
+pub fn gather_rows(matrix: MatRef<'_, f64>, ids: &[u32], columns: usize) -> Mat<f64> {
+    Mat::from_fn(ids.len(), columns, |i, j| matrix[(ids[i] as usize, j)])
+}
+
+/// Sum of squares of all entries.
+#[must_use]
+pub fn squared_norm(matrix: MatRef<'_, f64>) -> f64 {
+    let mut sum = 0.0;
+    for j in 0..matrix.ncols() {
+        for i in 0..matrix.nrows() {
+            sum += matrix[(i, j)] * matrix[(i, j)];
+        }
+    }
+    sum
+}
+
+/// Points in a feature space, one contiguous single-precision row a point.
+#[derive(Debug, Clone)]
+pub struct Rows {
+    /// Coordinates of a point.
+    pub dims: usize,
+    /// All rows, one after the other.
+    pub data: Vec<f32>,
+}
+
+impl Rows {
+    /// Rows of zeros.
+    #[must_use]
+    pub fn zeros(count: usize, dims: usize) -> Self {
+        Self {
+            dims,
+            data: vec![0.0; count * dims],
+        }
+    }
+
+    /// How many points there are.
+    #[must_use]
+    pub fn count(&self) -> usize {
+        self.data.len() / self.dims
+    }
+
+    /// One point.
+    #[must_use]
+    pub fn row(&self, i: usize) -> &[f32] {
+        &self.data[i * self.dims..(i + 1) * self.dims]
+    }
+
+    /// One point, to write to.
+    pub fn row_mut(&mut self, i: usize) -> &mut [f32] {
+        &mut self.data[i * self.dims..(i + 1) * self.dims]
+    }
+
+    /// The rows as columns of a matrix, `(dims, count)`.
+    #[must_use]
+    pub fn as_columns(&self) -> MatRef<'_, f32> {
+        MatRef::from_column_major_slice(&self.data, self.dims, self.count())
+    }
+
+    /// The points named by `ids`.
+    #[must_use]
+    pub fn gather(&self, ids: &[u32]) -> Self {
+        let mut out = Self::zeros(ids.len(), self.dims);
+        for (i, &id) in ids.iter().enumerate() {
+            out.row_mut(i).copy_from_slice(self.row(id as usize));
+        }
+        out
+    }
+
+    /// First `columns` columns of a matrix as rows.
+    #[must_use]
+    pub fn from_matrix(matrix: MatRef<'_, f64>, columns: usize) -> Self {
+        let mut out = Self::zeros(matrix.nrows(), columns);
+        for j in 0..columns {
+            for (i, value) in matrix.col(j).iter().enumerate() {
+                out.data[i * columns + j] = *value as f32;
+            }
+        }
+        out
+    }
+}

@@ -1,0 +1,151 @@
+//! What a point looks like on its own surface: wave kernel signature and mean curvature.
+
+use faer::{Mat, MatRef};
+
+use crate::dense::{self, Rows};
+use crate::mesh::Mesh;
+use crate::vector;
+
+/// Energies at which the wave kernel is evaluated.
+pub const WAVE_ENERGIES: usize = 60;
+/// Width of each energy band in steps between energies.
+const WAVE_BAND_STEPS: f64 = 7.0;
+/// Eigenpairs that the wave kernel uses.
+const WAVE_PAIRS: usize = 100;
+/// Added inside the logarithm, relative to the mean.
+const WAVE_FLOOR: f64 = 1e-3;
+/// Mean curvature at unit area is clipped here: a radius of 1/50 of √area is a sharp spike.
+const CURVATURE_LIMIT: f64 = 50.0;
+/// Heat time that smooths the curvature column; unit area.
+const CURVATURE_HEAT_TIME: f64 = 3e-3;
+/// Heat time of the curvature by which whole maps are compared.
+const JUDGED_CURVATURE_HEAT_TIME: f64 = 1e-3;
+
+/// Pointwise descriptors of every vertex.
+#[derive(Debug, Clone)]
+pub struct Descriptors {
+    /// `(n, 61)`: 60 logarithmic wave kernel values, then smoothed mean curvature.
+    pub rows: Rows,
+    /// Mean curvature smoothed lightly, signed by the volume, in 1/length; `(n)`.
+    pub curvature: Vec<f32>,
+}
+
+impl Descriptors {
+    /// Wave kernel signature and mean curvature ½ n·(A⁻¹WV).
+    ///
+    /// # Source
+    /// Aubry, Schlickewei, Cremers, "The Wave Kernel Signature", 2011, here normalised by the area
+    /// mean and on a logarithmic scale.
+    #[must_use]
+    pub fn new(
+        mesh: &Mesh,
+        stiffness: &sprs::CsMat<f64>,
+        mass: &[f64],
+        values: &[f64],
+        functions: MatRef<'_, f64>,
+    ) -> Self {
+        let n = mesh.vertices.len();
+        let waves = wave_kernel(mass, values, functions);
+        let raw = mean_curvature(mesh, stiffness, mass);
+        let coarse = diffused(&raw, mass, values, functions, CURVATURE_HEAT_TIME);
+        let power: f64 = mass.iter().zip(&coarse).map(|(a, h)| a * h * h).sum();
+        let scale = if power > 0.0 { power.sqrt() } else { 1.0 };
+        let mut rows = Rows::zeros(n, WAVE_ENERGIES + 1);
+        for i in 0..n {
+            let row = rows.row_mut(i);
+            for (r, out) in row.iter_mut().take(WAVE_ENERGIES).enumerate() {
+                *out = waves[(i, r)] as f32;
+            }
+            row[WAVE_ENERGIES] = (coarse[i] / scale) as f32;
+        }
+        let curvature = diffused(&raw, mass, values, functions, JUDGED_CURVATURE_HEAT_TIME)
+            .iter()
+            .map(|&h| h as f32)
+            .collect();
+        Self { rows, curvature }
+    }
+}
+
+/// ln of the wave kernel relative to its area mean, `(n, 60)`, of unit variance in all.
+fn wave_kernel(mass: &[f64], values: &[f64], functions: MatRef<'_, f64>) -> Mat<f64> {
+    let n = functions.nrows();
+    let pairs = WAVE_PAIRS.min(values.len());
+    let logs: Vec<f64> = values[1..pairs].iter().map(|l| l.max(1e-12).ln()).collect();
+    let low = logs[0];
+    let high = logs[logs.len() - 1] / 1.02;
+    let width = WAVE_BAND_STEPS * (high - low) / WAVE_ENERGIES as f64;
+    let mut bands = Mat::<f64>::zeros(pairs - 1, WAVE_ENERGIES);
+    for r in 0..WAVE_ENERGIES {
+        let energy = low + (high - low) * r as f64 / (WAVE_ENERGIES - 1) as f64;
+        let weights: Vec<f64> = logs
+            .iter()
+            .map(|l| (-(energy - l).powi(2) / (2.0 * width * width)).exp())
+            .collect();
+        let total: f64 = weights.iter().sum();
+        for (i, w) in weights.iter().enumerate() {
+            bands[(i, r)] = w / total;
+        }
+    }
+    let squares = Mat::from_fn(n, pairs - 1, |i, j| functions[(i, j + 1)].powi(2));
+    let mut waves = dense::product(squares.as_ref(), bands.as_ref());
+    let mut variance = 0.0;
+    for r in 0..WAVE_ENERGIES {
+        let column = waves.col_as_slice_mut(r);
+        let mean: f64 = mass.iter().zip(&*column).map(|(a, w)| a * w).sum();
+        for w in column.iter_mut() {
+            *w = (*w / mean + WAVE_FLOOR).ln();
+        }
+        let centre: f64 = mass.iter().zip(&*column).map(|(a, w)| a * w).sum();
+        variance += mass
+            .iter()
+            .zip(&*column)
+            .map(|(a, w)| a * (w - centre).powi(2))
+            .sum::<f64>();
+    }
+    let scale = if variance > 0.0 {
+        1.0 / variance.sqrt()
+    } else {
+        1.0
+    };
+    for r in 0..WAVE_ENERGIES {
+        for w in waves.col_as_slice_mut(r) {
+            *w *= scale;
+        }
+    }
+    waves
+}
+
+/// ½ n·(A⁻¹WV), positive where the surface bulges outward, clipped.
+fn mean_curvature(mesh: &Mesh, stiffness: &sprs::CsMat<f64>, mass: &[f64]) -> Vec<f64> {
+    let normals = mesh.vertex_normals();
+    let sign = mesh.volume_sign();
+    stiffness
+        .outer_iterator()
+        .enumerate()
+        .map(|(i, row)| {
+            let mut flow = [0.0; 3];
+            for (j, &w) in row.iter() {
+                flow = vector::add(flow, vector::scaled(mesh.vertices[j], w));
+            }
+            let h = 0.5 * sign * vector::dot(normals[i], flow) / mass[i];
+            h.clamp(-CURVATURE_LIMIT, CURVATURE_LIMIT)
+        })
+        .collect()
+}
+
+/// Φ e^{−Λt} ΦᵀA f.
+fn diffused(
+    values_at: &[f64],
+    mass: &[f64],
+    values: &[f64],
+    functions: MatRef<'_, f64>,
+    time: f64,
+) -> Vec<f64> {
+    let weighted = Mat::from_fn(values_at.len(), 1, |i, _| mass[i] * values_at[i]);
+    let mut coefficients = dense::product(functions.transpose(), weighted.as_ref());
+    for (i, lambda) in values.iter().enumerate() {
+        coefficients[(i, 0)] *= (-lambda * time).exp();
+    }
+    let smooth = dense::product(functions, coefficients.as_ref());
+    smooth.col_as_slice(0).to_vec()
+}

@@ -1,0 +1,549 @@
+//! Initial maps: a beam search over sign patterns, scored by geodesic distortion.
+//!
+//! The paper starts its optimisation from a given map. Here the eigenfunctions of both shapes are
+//! aligned one by one: each new column of the map may keep or turn its sign, both children are
+//! fitted through point maps, and the ones that distort geodesic distances least survive.
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, Mat, MatRef, Par, Side};
+use rayon::prelude::*;
+
+use crate::dense;
+use crate::distance_operator;
+use crate::error::{Error, Result};
+use crate::nearest::lowest;
+use crate::orientation::{TangentGradients, better_signs, orientation, shares};
+use crate::progress::Progress;
+use crate::shape::Shape;
+
+/// Eigenfunctions of the seeds.
+const SEED_SIZE: usize = 7;
+/// Eigenfunctions of the finished candidates.
+pub const CANDIDATE_SIZE: usize = 24;
+/// Samples whose images are sought.
+const ASKING: usize = 200;
+/// Sign and order patterns kept of all that are tried.
+const SIGN_SEEDS: usize = 48;
+/// Coordinates of the spectral multidimensional scaling.
+const SCALING_DIMS: usize = 5;
+/// Eigenfunctions from which those coordinates are taken.
+const SCALING_FUNCTIONS: usize = 30;
+/// Weight of the descriptors beside the eigenfunctions.
+const DESCRIPTOR_WEIGHT: f32 = 0.7;
+/// Tikhonov weight of a fit, per sample.
+const FIT_RIDGE: f64 = 1e-3;
+/// Maps closer than this, as a mean geodesic distance at unit area, lie in one basin.
+const BASIN: f64 = 0.15;
+/// Number of eigenfunctions from which on maps are also tried with their front and back turned,
+/// and how often.
+const TURNED_FROM: usize = 12;
+const TURNED_EVERY: usize = 4;
+/// Eigenfunctions whose bivectors tell direct from mirrored maps.
+const ORIENTATION_FUNCTIONS: usize = 8;
+/// A map's energy is weighted by this less its orientation.
+const ORIENTED_FROM: usize = 15;
+const ORIENTATION_OFFSET: f64 = 2.0;
+/// Maps closer than this are the same.
+const SAME: f64 = 0.03;
+
+/// How wide to search.
+#[derive(Debug, Clone, Copy)]
+pub struct Width {
+    /// Candidates kept of the seeds.
+    pub first: usize,
+    /// Candidates kept afterwards.
+    pub beam: usize,
+}
+
+impl Default for Width {
+    fn default() -> Self {
+        Self {
+            first: 32,
+            beam: 16,
+        }
+    }
+}
+
+/// A map between the low ends of two spectra, with its images on the samples.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// `(kₛ, kₜ)`: target coefficients → source coefficients, so that Φₛ C ≈ Φₜ at matched points.
+    pub matrix: Mat<f64>,
+    /// Number of the source sample for each asking target sample.
+    pub on_source: Vec<u32>,
+    /// Number of the target sample for each asking source sample.
+    pub on_target: Vec<u32>,
+    /// Geodesic distortion times the root of the descriptor mismatch.
+    pub energy: f64,
+    /// Orientation score, negative for a mirrored map.
+    pub orientation: f64,
+    /// Energy raised where the orientation is doubtful: by this the beam is ordered.
+    pub rank: f64,
+}
+
+/// Everything of a pair that the search reads, on the samples only.
+#[derive(Debug)]
+pub struct SampledPair<'a> {
+    /// The shape whose points are asked for.
+    pub target: &'a Shape,
+    /// The shape that answers.
+    pub source: &'a Shape,
+    side_target: Sampled,
+    side_source: Sampled,
+}
+
+/// One shape's samples, and the fixed part of the cost of answering on it.
+#[derive(Debug)]
+struct Sampled {
+    /// Basis at the samples, `(s, k)`.
+    basis: Mat<f64>,
+    /// Distances between the samples, `(s, s)`.
+    distances: Mat<f32>,
+    /// Descriptor part of the squared distance, `(own samples, other's asking samples)`.
+    fixed: Mat<f32>,
+    /// Mismatch of the descriptors as judged, same shape.
+    mismatch: Mat<f32>,
+    gradients: TangentGradients,
+    asking: usize,
+}
+
+impl<'a> SampledPair<'a> {
+    /// Gathers the samples of both shapes.
+    #[must_use]
+    pub fn new(target: &'a Shape, source: &'a Shape) -> Self {
+        Self {
+            target,
+            source,
+            side_target: Sampled::new(target, source),
+            side_source: Sampled::new(source, target),
+        }
+    }
+
+    /// Candidate maps of [`CANDIDATE_SIZE`] eigenfunctions, best first.
+    ///
+    /// # Errors
+    /// [`Error::Cancelled`]; [`Error::NoMap`] when no seed gives a finite energy.
+    pub fn search(&self, width: Width, progress: &Progress) -> Result<Vec<Candidate>> {
+        let largest = CANDIDATE_SIZE
+            .min(self.side_source.basis.ncols())
+            .min(self.side_target.basis.ncols());
+        let first = SEED_SIZE.min(largest);
+        let mut seeds = self.sign_seeds(first);
+        seeds.extend(self.scaling_seeds(first));
+        let seeds = each(&seeds, |seed| self.refitted(seed, first))?;
+        let mut beam = self.pruned(seeds, width.first, BASIN);
+        for k in first + 1..=largest {
+            progress.check()?;
+            if k % TURNED_EVERY == 0 && k >= TURNED_FROM {
+                let turned = each(&beam, |parent| self.reoriented(parent))?;
+                beam.extend(turned.into_iter().flatten());
+            }
+            let children = each(&beam, |parent| {
+                let child = self.refitted(parent, k)?;
+                let mut turned = child.matrix.clone();
+                for x in turned.col_as_slice_mut(k - 1) {
+                    *x = -*x;
+                }
+                let sibling = self.refitted(&self.judged(turned), k)?;
+                Ok([child, sibling])
+            })?;
+            beam = self.pruned(children.into_iter().flatten().collect(), width.beam, BASIN);
+        }
+        for _ in 0..2 {
+            beam = each(&beam, |parent| self.refitted(parent, largest))?;
+        }
+        let beam = self.pruned(beam, width.beam, SAME);
+        if beam.is_empty() {
+            return Err(Error::NoMap {
+                reason: "no candidate has a finite distortion; check the shapes' scale and holes"
+                    .into(),
+            });
+        }
+        Ok(beam)
+    }
+
+    /// The best sign patterns as candidates.
+    fn sign_seeds(&self, size: usize) -> Vec<Candidate> {
+        let mut seeds = sign_patterns(
+            self.target.distance_operator.as_ref(),
+            self.source.distance_operator.as_ref(),
+            size,
+            true,
+        );
+        seeds.truncate(SIGN_SEEDS);
+        seeds.into_par_iter().map(|m| self.judged(m)).collect()
+    }
+
+    /// All sign patterns of the main coordinates of a classical multidimensional scaling in the
+    /// spectral domain: dropping the constant from α centres it twice.
+    fn scaling_seeds(&self, size: usize) -> Vec<Candidate> {
+        let coordinates = |shape: &Shape, side: &Sampled| {
+            let k = SCALING_FUNCTIONS.min(shape.distance_operator.nrows());
+            let block = shape.distance_operator.get(1..k, 1..k);
+            let decomposition = block.self_adjoint_eigen(Side::Lower).ok()?;
+            let dims = SCALING_DIMS.min(k - 1);
+            let scaled = Mat::from_fn(k - 1, dims, |i, j| {
+                // Eigenvalues ascend, so the most negative ones come first.
+                decomposition.U()[(i, j)] * (-decomposition.S()[j]).max(0.0).sqrt()
+            });
+            Some(dense::product(side.basis.get(.., 1..k), scaled.as_ref()))
+        };
+        let (Some(target), Some(source)) = (
+            coordinates(self.target, &self.side_target),
+            coordinates(self.source, &self.side_source),
+        ) else {
+            return Vec::new();
+        };
+        let dims = target.ncols().min(source.ncols());
+        (0..1usize << dims)
+            .into_par_iter()
+            .map(|bits| {
+                let turned = Mat::from_fn(source.nrows(), dims, |i, j| {
+                    if bits >> j & 1 == 1 {
+                        -source[(i, j)]
+                    } else {
+                        source[(i, j)]
+                    }
+                });
+                let target = target.get(.., ..dims);
+                Candidate {
+                    on_source: closest(
+                        target.get(..self.side_target.asking, ..),
+                        turned.as_ref(),
+                        None,
+                        1.0,
+                    ),
+                    on_target: closest(
+                        turned.get(..self.side_source.asking, ..),
+                        target,
+                        None,
+                        1.0,
+                    ),
+                    matrix: Mat::zeros(size, size),
+                    energy: f64::INFINITY,
+                    orientation: 0.0,
+                    rank: f64::INFINITY,
+                }
+            })
+            .collect()
+    }
+
+    /// Point maps and energy of a matrix.
+    fn judged(&self, matrix: Mat<f64>) -> Candidate {
+        let (ks, kt) = (matrix.nrows(), matrix.ncols());
+        let target = self.side_target.basis.get(.., ..kt);
+        let source = dense::product(self.side_source.basis.get(.., ..ks), matrix.as_ref());
+        let on_source = closest(
+            target.get(..self.side_target.asking, ..),
+            source.as_ref(),
+            Some(&self.side_source.fixed),
+            1.0 / kt as f64,
+        );
+        let on_target = closest(
+            source.get(..self.side_source.asking, ..),
+            target,
+            Some(&self.side_target.fixed),
+            1.0 / kt as f64,
+        );
+        let energy = self.energy(&on_source, &on_target);
+        let orientation = orientation(
+            &self.side_target.gradients,
+            &self.side_source.gradients,
+            matrix.as_ref(),
+            on_source.iter().enumerate().map(|(i, &j)| (i, j as usize)),
+            ORIENTATION_FUNCTIONS,
+        );
+        Candidate {
+            matrix,
+            orientation,
+            rank: energy
+                * (ORIENTATION_OFFSET
+                    - if on_source.len() > 0 && ks >= ORIENTED_FROM {
+                        orientation
+                    } else {
+                        0.0
+                    }),
+            on_source,
+            on_target,
+            energy,
+        }
+    }
+
+    /// Fit at k from a candidate's point maps, with new point maps.
+    fn refitted(&self, candidate: &Candidate, k: usize) -> Result<Candidate> {
+        let matrix = fit(
+            self.side_target.basis.as_ref(),
+            self.side_source.basis.as_ref(),
+            &candidate.on_source,
+            &candidate.on_target,
+            k,
+        )?;
+        Ok(self.judged(matrix))
+    }
+
+    /// The same map with the columns turned that speak against its orientation: thin parts are
+    /// nearly symmetric from front to back, and their functions turn together.
+    fn reoriented(&self, candidate: &Candidate) -> Result<Option<Candidate>> {
+        let shares = shares(
+            &self.side_target.gradients,
+            &self.side_source.gradients,
+            candidate.matrix.as_ref(),
+            candidate
+                .on_source
+                .iter()
+                .enumerate()
+                .map(|(i, &j)| (i, j as usize)),
+            candidate.matrix.ncols() - 1,
+        );
+        let signs = better_signs(shares.as_ref());
+        if signs.iter().all(|&s| s > 0.0) {
+            return Ok(None);
+        }
+        let (rows, columns) = (candidate.matrix.nrows(), candidate.matrix.ncols());
+        let turned = Mat::from_fn(rows, columns, |i, j| signs[j] * candidate.matrix[(i, j)]);
+        self.refitted(&self.judged(turned), columns).map(Some)
+    }
+
+    /// Root mean square change of distances between samples, times the root of the mean
+    /// descriptor mismatch.
+    fn energy(&self, on_source: &[u32], on_target: &[u32]) -> f64 {
+        let distortion = self.side_source.distortion(on_source, &self.side_target)
+            + self.side_target.distortion(on_target, &self.side_source);
+        let mismatch =
+            self.side_source.mean_mismatch(on_source) + self.side_target.mean_mismatch(on_target);
+        (distortion / 2.0 * mismatch / 2.0).sqrt()
+    }
+
+    /// Mean distance on the source between the images of two candidates.
+    fn apart(&self, a: &Candidate, b: &Candidate) -> f64 {
+        let sum: f64 = a
+            .on_source
+            .iter()
+            .zip(&b.on_source)
+            .map(|(&p, &q)| f64::from(self.side_source.distances[(p as usize, q as usize)]))
+            .sum();
+        sum / a.on_source.len() as f64
+    }
+
+    /// The best candidates: up to half of them from different basins, the rest merely different.
+    fn pruned(&self, mut all: Vec<Candidate>, size: usize, basin: f64) -> Vec<Candidate> {
+        all.retain(|c| c.rank.is_finite());
+        all.sort_by(|a, b| a.rank.total_cmp(&b.rank));
+        let mut chosen: Vec<usize> = Vec::new();
+        for (distance, most) in [(basin, size / 2), (SAME, size)] {
+            for i in 0..all.len() {
+                if chosen.len() >= most {
+                    break;
+                }
+                if chosen
+                    .iter()
+                    .all(|&j| i != j && self.apart(&all[i], &all[j]) > distance)
+                {
+                    chosen.push(i);
+                }
+            }
+        }
+        chosen.sort_unstable();
+        let mut keep = vec![false; all.len()];
+        for i in chosen {
+            keep[i] = true;
+        }
+        let mut flags = keep.into_iter();
+        all.retain(|_| flags.next() == Some(true));
+        all
+    }
+}
+
+impl Sampled {
+    fn new(own: &Shape, other: &Shape) -> Self {
+        let at = |shape: &Shape| shape.descriptors.rows.gather(&shape.farthest);
+        let (mine, theirs) = (at(own), at(other));
+        let asking = |shape: &Shape| ASKING.min(shape.farthest.len());
+        let basis = dense::gather_rows(
+            own.basis.functions.as_ref(),
+            &own.farthest,
+            own.distance_operator.nrows(),
+        );
+        let distances = distance_operator::between(
+            own.distance_operator.as_ref(),
+            basis.as_ref(),
+            basis.as_ref(),
+        );
+        let waves = mine.dims - 1;
+        let mut fixed = Mat::zeros(mine.count(), asking(other));
+        let mut mismatch = Mat::zeros(mine.count(), asking(other));
+        for j in 0..asking(other) {
+            for i in 0..mine.count() {
+                let (a, b) = (mine.row(i), theirs.row(j));
+                let wave: f32 = a[..waves]
+                    .iter()
+                    .zip(&b[..waves])
+                    .map(|(x, y)| (x - y) * (x - y))
+                    .sum();
+                let bend = a[waves] - b[waves];
+                fixed[(i, j)] = DESCRIPTOR_WEIGHT * DESCRIPTOR_WEIGHT * (wave + bend * bend);
+                mismatch[(i, j)] = wave.sqrt() + bend.abs();
+            }
+        }
+        Self {
+            distances: Mat::from_fn(basis.nrows(), basis.nrows(), |i, j| {
+                if i == j {
+                    0.0
+                } else {
+                    distances[(i, j)] as f32
+                }
+            }),
+            basis,
+            fixed,
+            mismatch,
+            gradients: TangentGradients::new(own, &own.farthest),
+            asking: asking(own),
+        }
+    }
+
+    /// Mean squared difference between distances of asking points and of their images here.
+    fn distortion(&self, images: &[u32], asking: &Self) -> f64 {
+        let mut sum = 0.0;
+        for (j, &image) in images.iter().enumerate() {
+            let here = self.distances.col_as_slice(image as usize);
+            let there = asking.distances.col_as_slice(j);
+            let column: f32 = images
+                .iter()
+                .zip(there)
+                .map(|(&i, d)| (here[i as usize] - d) * (here[i as usize] - d))
+                .sum();
+            sum += f64::from(column);
+        }
+        sum / (images.len() * images.len()) as f64
+    }
+
+    fn mean_mismatch(&self, images: &[u32]) -> f64 {
+        let sum: f64 = images
+            .iter()
+            .enumerate()
+            .map(|(j, &i)| f64::from(self.mismatch[(i as usize, j)]))
+            .sum();
+        sum / images.len() as f64
+    }
+}
+
+/// Signed orders of the first eigenfunctions by how well they take one distance operator to the
+/// other, best first: all signs, and with `exchanges` also two neighbours exchanged.
+fn sign_patterns(
+    target: MatRef<'_, f64>,
+    source: MatRef<'_, f64>,
+    size: usize,
+    exchanges: bool,
+) -> Vec<Mat<f64>> {
+    let mut patterns = Vec::new();
+    for exchange in 0..if exchanges { size - 1 } else { 1 } {
+        let mut order: Vec<usize> = (0..size).collect();
+        if exchange > 0 {
+            order.swap(exchange, exchange + 1);
+        }
+        for bits in 0..1usize << (size - 1) {
+            let sign = |i: usize| {
+                if i > 0 && bits >> (i - 1) & 1 == 1 {
+                    -1.0
+                } else {
+                    1.0
+                }
+            };
+            let mut cost = 0.0;
+            for i in 0..size {
+                for j in 0..size {
+                    let carried = sign(i) * sign(j) * target[(order[i], order[j])];
+                    cost += (carried - source[(i, j)]).powi(2);
+                }
+            }
+            let matrix = Mat::from_fn(size, size, |i, j| if order[i] == j { sign(i) } else { 0.0 });
+            patterns.push((cost, matrix));
+        }
+    }
+    patterns.sort_by(|a, b| a.0.total_cmp(&b.0));
+    patterns.into_iter().map(|(_, matrix)| matrix).collect()
+}
+
+/// The sign pattern of the first eigenfunctions that fits two distance operators best.
+#[must_use]
+pub fn best_signs(target: MatRef<'_, f64>, source: MatRef<'_, f64>) -> Mat<f64> {
+    let size = SEED_SIZE.min(target.nrows());
+    sign_patterns(target, source, size, false).swap_remove(0)
+}
+
+/// Bijective least squares: C with Φₛ C ≈ Φₜ at the pairs of both point maps.
+///
+/// Bases are given at samples; `on_source` are source samples for the first target samples,
+/// `on_target` target samples for the first source samples. Returns `(k, k)`.
+///
+/// # Errors
+/// [`Error::NotFactorised`] when the pairs do not determine the map.
+pub fn fit(
+    target: MatRef<'_, f64>,
+    source: MatRef<'_, f64>,
+    on_source: &[u32],
+    on_target: &[u32],
+    k: usize,
+) -> Result<Mat<f64>> {
+    let (first, second) = (on_source.len(), on_target.len());
+    let p = Mat::from_fn(first + second, k, |i, j| {
+        source[(
+            if i < first {
+                on_source[i] as usize
+            } else {
+                i - first
+            },
+            j,
+        )]
+    });
+    let q = Mat::from_fn(first + second, k, |i, j| {
+        target[(
+            if i < first {
+                i
+            } else {
+                on_target[i - first] as usize
+            },
+            j,
+        )]
+    });
+    let gram = dense::product(p.transpose(), p.as_ref());
+    let right = dense::product(p.transpose(), q.as_ref());
+    dense::solve_with_ridge(gram, |_| FIT_RIDGE * first as f64, right.as_ref())
+}
+
+/// Number of the point nearest to each query under weight·‖a − b‖² + fixed(b, a).
+fn closest(
+    queries: MatRef<'_, f64>,
+    points: MatRef<'_, f64>,
+    fixed: Option<&Mat<f32>>,
+    weight: f64,
+) -> Vec<u32> {
+    let single = |m: MatRef<'_, f64>| Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] as f32);
+    let (queries, points) = (single(queries), single(points));
+    let norms: Vec<f32> = (0..points.nrows())
+        .map(|i| {
+            let sum: f32 = points.row(i).iter().map(|x| x * x).sum();
+            sum * weight as f32
+        })
+        .collect();
+    let mut cost = fixed.map_or_else(|| Mat::zeros(points.nrows(), queries.nrows()), Mat::clone);
+    matmul(
+        cost.as_mut(),
+        Accum::Add,
+        points.as_ref(),
+        queries.transpose(),
+        -2.0 * weight as f32,
+        Par::Seq,
+    );
+    (0..queries.nrows())
+        .map(|j| lowest(cost.col_as_slice(j), &norms))
+        .collect()
+}
+
+/// Applies a fallible step to all candidates in parallel, in order.
+fn each<T: Sync, R: Send>(
+    items: &[T],
+    step: impl Fn(&T) -> Result<R> + Sync + Send,
+) -> Result<Vec<R>> {
+    items.par_iter().map(step).collect()
+}

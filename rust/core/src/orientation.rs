@@ -1,0 +1,196 @@
+//! Tells the direct map from the mirrored one.
+//!
+//! An orientation-preserving map carries ∇f × ∇g along; a mirrored one turns its sign. The score
+//! is the mean cosine between the bivectors of low eigenfunctions on the target and of their
+//! counterparts on the source. Needs consistently wound faces.
+//!
+//! # Source
+//! The idea follows Ren, Poulenard, Wonka, Ovsjanikov, "Continuous and Orientation-preserving
+//! Correspondences via Functional Maps", 2018; here with bivectors of eigenfunctions.
+
+use faer::{Mat, MatRef};
+
+use crate::shape::Shape;
+use crate::vector::{self, Point};
+
+/// Eigenfunctions whose gradients are used at most.
+pub const FUNCTIONS: usize = 40;
+/// Keeps the cosine of two vanishing bivectors defined.
+const COSINE_FLOOR: f64 = 1e-30;
+
+/// Tangent gradients of the first eigenfunctions at some vertices of a shape.
+#[derive(Debug)]
+pub struct TangentGradients {
+    functions: usize,
+    /// Coordinates in an arbitrary right-handed tangent frame, one row of functions a vertex; all
+    /// share one positive factor within a vertex.
+    rows: Vec<[f64; 2]>,
+    /// Whether the vertex has a normal.
+    defined: Vec<bool>,
+    values: Vec<f64>,
+    volume_sign: f64,
+}
+
+impl TangentGradients {
+    /// Gradients of the first [`FUNCTIONS`] eigenfunctions at `vertices`.
+    #[must_use]
+    pub fn new(shape: &Shape, vertices: &[u32]) -> Self {
+        let functions = FUNCTIONS.min(shape.basis.values.len());
+        let mut rows = Vec::with_capacity(vertices.len() * functions);
+        let mut defined = Vec::with_capacity(vertices.len());
+        for &v in vertices {
+            let normal = shape.normals[v as usize];
+            let [first, second] = tangent_frame(normal);
+            defined.push(vector::dot(normal, normal) > 0.0);
+            rows.extend(
+                gradients(shape, v, functions)
+                    .iter()
+                    .map(|&g| [vector::dot(g, first), vector::dot(g, second)]),
+            );
+        }
+        Self {
+            functions,
+            rows,
+            defined,
+            values: shape.basis.values[..functions].to_vec(),
+            volume_sign: shape.volume_sign,
+        }
+    }
+
+    fn row(&self, i: usize) -> &[[f64; 2]] {
+        &self.rows[i * self.functions..(i + 1) * self.functions]
+    }
+}
+
+/// Score in [−1, 1]: near 1 for a direct map, negative for a mirrored one.
+///
+/// `matrix` (kₛ × kₜ) takes target coefficients to source coefficients, `pairs` are numbers of
+/// vertices within the two gradients, `functions` eigenfunctions of the target are compared.
+#[must_use]
+pub fn orientation(
+    target: &TangentGradients,
+    source: &TangentGradients,
+    matrix: MatRef<'_, f64>,
+    pairs: impl Iterator<Item = (usize, usize)>,
+    functions: usize,
+) -> f64 {
+    let shares = shares(target, source, matrix, pairs, functions);
+    let mut sum = 0.0;
+    for a in 0..shares.nrows() {
+        for b in 0..a {
+            sum += shares[(a, b)];
+        }
+    }
+    sum
+}
+
+/// What each pair of columns of a map contributes to its orientation, symmetric.
+///
+/// Turning the signs of some columns turns the signs of their shares and changes nothing else, so
+/// that the orientation is the quadratic form ½ sᵀMs of the signs. Row and column 0 are zero.
+#[must_use]
+pub fn shares(
+    target: &TangentGradients,
+    source: &TangentGradients,
+    matrix: MatRef<'_, f64>,
+    pairs: impl Iterator<Item = (usize, usize)>,
+    functions: usize,
+) -> Mat<f64> {
+    let last = functions.min(matrix.ncols() - 1).min(target.functions - 1);
+    let used = matrix.nrows().min(source.functions);
+    let root: Vec<f64> = target.values.iter().map(|l| 1.0 / l.sqrt()).collect();
+    let mut carried = vec![[0.0; 2]; last + 1];
+    let mut products = vec![0.0; (last + 1) * (last + 1)];
+    let mut sums = vec![0.0; (last + 1) * (last + 1)];
+    let mut count = 0.0;
+    for (p, q) in pairs {
+        if !target.defined[p] || !source.defined[q] {
+            continue;
+        }
+        let (here, there) = (target.row(p), source.row(q));
+        for (a, g) in carried.iter_mut().enumerate() {
+            *g = [0.0; 2];
+            for (r, h) in there[..used].iter().enumerate() {
+                let c = matrix[(r, a)];
+                g[0] += c * h[0];
+                g[1] += c * h[1];
+            }
+        }
+        let (mut own, mut other) = (0.0, 0.0);
+        for a in 1..=last {
+            for b in 1..a {
+                let weight = root[a] * root[b];
+                let x = weight * (here[a][0] * here[b][1] - here[a][1] * here[b][0]);
+                let y = weight * (carried[a][0] * carried[b][1] - carried[a][1] * carried[b][0]);
+                products[a * (last + 1) + b] = x * y;
+                own += x * x;
+                other += y * y;
+            }
+        }
+        let scale = 1.0 / ((own * other).sqrt() + COSINE_FLOOR);
+        for (sum, product) in sums.iter_mut().zip(&products) {
+            *sum += scale * product;
+        }
+        count += 1.0;
+    }
+    let scale = target.volume_sign * source.volume_sign / f64::max(count, 1.0);
+    Mat::from_fn(last + 1, last + 1, |a, b| {
+        scale * sums[a.max(b) * (last + 1) + a.min(b)]
+    })
+}
+
+/// Signs of the columns, found one by one, that raise the orientation until no single one does.
+#[must_use]
+pub fn better_signs(shares: MatRef<'_, f64>) -> Vec<f64> {
+    let size = shares.nrows();
+    let mut signs = vec![1.0; size];
+    loop {
+        let gain = |a: usize| -> f64 {
+            -(0..size)
+                .map(|b| signs[a] * signs[b] * shares[(a, b)])
+                .sum::<f64>()
+        };
+        let best = (1..size)
+            .map(|a| (gain(a), a))
+            .max_by(|x, y| x.0.total_cmp(&y.0));
+        match best {
+            Some((gain, a)) if gain > 1e-9 => signs[a] = -signs[a],
+            _ => return signs,
+        }
+    }
+}
+
+/// Two unit vectors that make a right-handed frame with a unit normal.
+fn tangent_frame(normal: Point) -> [Point; 2] {
+    let smallest = (0..3).fold(0, |best, c| {
+        if normal[c].abs() < normal[best].abs() {
+            c
+        } else {
+            best
+        }
+    });
+    let mut axis = [0.0; 3];
+    axis[smallest] = 1.0;
+    let first = vector::normalised(vector::cross(normal, axis));
+    [first, vector::cross(normal, first)]
+}
+
+/// Area-weighted sums of the face gradients around a vertex, times two.
+fn gradients(shape: &Shape, vertex: u32, count: usize) -> Vec<Point> {
+    let mesh = &shape.mesh;
+    let mut sums = vec![[0.0; 3]; count];
+    for &face in shape.vertex_faces.row(vertex as usize) {
+        let corners = mesh.faces[face as usize];
+        let unit = vector::normalised(mesh.face_cross(face as usize));
+        for i in 0..3 {
+            let [from, to] = [corners[(i + 1) % 3], corners[(i + 2) % 3]];
+            let opposite = vector::sub(mesh.vertices[to as usize], mesh.vertices[from as usize]);
+            let turned = vector::cross(unit, opposite);
+            for (a, sum) in sums.iter_mut().enumerate() {
+                let value = shape.basis.functions[(corners[i] as usize, a)];
+                *sum = vector::add(*sum, vector::scaled(turned, value));
+            }
+        }
+    }
+    sums
+}

@@ -1,0 +1,413 @@
+//! Final refinement: spectrum, low-passed surface and its normals together.
+//!
+//! The target's surface, low-passed to k eigenfunctions, is deformed onto the source's by a smooth
+//! displacement; positions and normals then disambiguate what the spectrum alone leaves open. k
+//! grows until fingers and ears are there.
+//!
+//! # Source
+//! Eisenberger, Lähner, Cremers, "Smooth Shells", 2020, for the product embedding; fits, schedule
+//! and the propagated nearest neighbours are this project's.
+
+use std::f64::consts::PI;
+
+use faer::linalg::solvers::Svd;
+use faer::{Mat, MatRef};
+
+use crate::dense::{self, Rows};
+use crate::error::Result;
+use crate::mesh::{self, Adjacency};
+use crate::nearest::nearest;
+use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
+use crate::shape::Shape;
+use crate::vector::{self, Point};
+
+/// Weight of the smoothed normals beside positions; insensitive within a factor of three.
+const NORMAL_WEIGHT: f64 = 0.04;
+/// Ridge of the displacement fit, relative to Λ/λ₂₀.
+const DISPLACEMENT_RIDGE: f64 = 2e-4;
+/// Ridge of the map fit.
+const MAP_RIDGE: f64 = 1e-3;
+/// Eigenvalue that sets the scale of the displacement's smoothness.
+const SMOOTHNESS_PAIR: usize = 20;
+/// Sweeps of the nearest neighbours at each step.
+const SWEEPS: usize = 3;
+
+/// Which vertices take part in the fits, and for which numbers of eigenfunctions.
+#[derive(Debug, Clone, Copy)]
+pub struct Schedule {
+    /// Numbers of eigenfunctions, one a step.
+    pub sizes: &'static [usize],
+    /// Only this many vertices of each shape ask, all when `None`.
+    pub drawn: Option<usize>,
+}
+
+/// The full schedule: 60 to 150 eigenfunctions in equal ratios, then three times more.
+pub const FULL: Schedule = Schedule {
+    sizes: &[60, 70, 81, 95, 111, 129, 150, 150, 150, 150],
+    drawn: None,
+};
+
+/// The short one, by which candidates are compared.
+pub const SHORT: Schedule = Schedule {
+    sizes: &[60, 76, 95, 120, 120],
+    drawn: Some(800),
+};
+
+/// One shape's part in a refinement.
+#[derive(Debug)]
+pub struct Side<'a> {
+    shape: &'a Shape,
+    /// Vertices that ask.
+    pub asking: Vec<u32>,
+    /// Weight of each in the fits; they sum to one.
+    weights: Vec<f64>,
+    /// Which asking vertices are neighbours (none when only some ask).
+    neighbours: Adjacency,
+    /// Images of the asking vertices on the other shape.
+    pub images: Images,
+    /// ΦᵀA V, `(K, 3)`.
+    coordinates: Mat<f64>,
+    /// Low-passed surface, before any deformation.
+    pub smoothed: Mat<f64>,
+    /// Embedding of every vertex in the last step.
+    pub rows: Rows,
+}
+
+/// Where a refinement stands.
+#[derive(Debug)]
+pub struct Refined<'a> {
+    /// The shape that is deformed.
+    pub target: Side<'a>,
+    /// The shape that stays.
+    pub source: Side<'a>,
+    /// Deformed low-passed target, `(n, 3)`.
+    pub deformed: Mat<f64>,
+    /// `(k, k)` map of the last step, target coefficients → source coefficients.
+    pub matrix: Mat<f64>,
+}
+
+/// Refines a `(kₛ, kₜ)` map of low eigenfunctions, target coefficients → source coefficients.
+///
+/// `report` is told the fraction done.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
+pub fn refined<'a>(
+    target: &'a Shape,
+    source: &'a Shape,
+    matrix: MatRef<'_, f64>,
+    schedule: Schedule,
+    report: &(dyn Fn(f64) -> Result<()> + Sync),
+) -> Result<Refined<'a>> {
+    let mut state = Refined::start(target, source, matrix, schedule.drawn);
+    state.rotate_target_onto_source()?;
+    let most = target.basis.values.len().min(source.basis.values.len());
+    for (step, &size) in schedule.sizes.iter().enumerate() {
+        report(step as f64 / schedule.sizes.len() as f64)?;
+        state.advance(size.min(most))?;
+    }
+    Ok(state)
+}
+
+impl<'a> Side<'a> {
+    fn new(shape: &'a Shape, drawn: Option<usize>) -> Self {
+        let mesh = &shape.mesh;
+        let (asking, neighbours, weights) = if let Some(count) = drawn {
+            let asking = shape.drawn_vertices(count);
+            let none = Adjacency::empty(asking.len());
+            let weights = vec![1.0 / asking.len() as f64; asking.len()];
+            (asking, none, weights)
+        } else {
+            let all = (0..mesh.vertices.len() as u32).collect();
+            (all, shape.neighbours.clone(), shape.mass.clone())
+        };
+        let weighted = Mat::from_fn(mesh.vertices.len(), 3, |i, c| {
+            shape.mass[i] * mesh.vertices[i][c]
+        });
+        Self {
+            coordinates: dense::product(shape.basis.functions.transpose(), weighted.as_ref()),
+            images: Images::unknown(asking.len()),
+            asking,
+            weights,
+            neighbours,
+            smoothed: Mat::zeros(0, 3),
+            rows: Rows::zeros(0, 1),
+            shape,
+        }
+    }
+
+    /// The shape whose side this is.
+    #[must_use]
+    pub fn shape(&self) -> &'a Shape {
+        self.shape
+    }
+
+    fn basis(&self, k: usize) -> MatRef<'a, f64> {
+        self.shape.functions(k)
+    }
+
+    fn low_pass(&mut self, k: usize) {
+        self.smoothed = dense::product(self.basis(k), self.coordinates.get(..k, ..));
+    }
+
+    /// √w times rows of `matrix` at the given vertices, for sums weighted by w.
+    fn weighted_rows(&self, matrix: MatRef<'_, f64>, vertices: &[u32]) -> Mat<f64> {
+        Mat::from_fn(vertices.len(), matrix.ncols(), |i, j| {
+            self.weights[i].sqrt() * matrix[(vertices[i] as usize, j)]
+        })
+    }
+
+    /// \[spectral part / (√π k), surface, weighted normals\]: in all three a unit is about a unit
+    /// of length on the surface, the first because Σλ ≈ 2πk² at unit area.
+    fn embed(&mut self, spectral: MatRef<'_, f64>, surface: MatRef<'_, f64>) {
+        let (n, k) = (spectral.nrows(), spectral.ncols());
+        let scale = 1.0 / (PI.sqrt() * k as f64);
+        let positions: Vec<Point> = (0..n).map(|i| [0, 1, 2].map(|c| surface[(i, c)])).collect();
+        let normals = mesh::normals_of(&positions, &self.shape.mesh.faces);
+        let sign = NORMAL_WEIGHT * self.shape.volume_sign;
+        let mut rows = Rows::zeros(n, k + 6);
+        for j in 0..k {
+            for (i, value) in spectral.col(j).iter().enumerate() {
+                rows.data[i * (k + 6) + j] = (value * scale) as f32;
+            }
+        }
+        for i in 0..n {
+            let row = &mut rows.row_mut(i)[k..];
+            for c in 0..3 {
+                row[c] = positions[i][c] as f32;
+                row[3 + c] = (sign * normals[i][c]) as f32;
+            }
+        }
+        self.rows = rows;
+    }
+}
+
+impl<'a> Refined<'a> {
+    fn start(
+        target: &'a Shape,
+        source: &'a Shape,
+        matrix: MatRef<'_, f64>,
+        drawn: Option<usize>,
+    ) -> Self {
+        let mut state = Self {
+            target: Side::new(target, drawn),
+            source: Side::new(source, drawn),
+            deformed: Mat::zeros(0, 3),
+            matrix: matrix.to_owned(),
+        };
+        let turned = dense::product(state.source.basis(matrix.nrows()), matrix);
+        state.source.rows = Rows::from_matrix(turned.as_ref(), matrix.ncols());
+        state.target.rows = Rows::from_matrix(target.basis.functions.as_ref(), matrix.ncols());
+        rayon::join(
+            || {
+                first_images(
+                    &mut state.target.images,
+                    &state.target.asking,
+                    target,
+                    (&state.target.rows, &state.target.neighbours),
+                    source,
+                    &state.source.rows,
+                )
+            },
+            || {
+                first_images(
+                    &mut state.source.images,
+                    &state.source.asking,
+                    source,
+                    (&state.source.rows, &state.source.neighbours),
+                    target,
+                    &state.target.rows,
+                )
+            },
+        );
+        state
+    }
+
+    /// One step at k eigenfunctions: displacement, map, embeddings, images.
+    fn advance(&mut self, k: usize) -> Result<()> {
+        self.target.low_pass(k);
+        self.source.low_pass(k);
+        let (deformed, matrix) = rayon::join(|| self.displaced(k), || self.mapped(k));
+        self.deformed = deformed?;
+        self.matrix = matrix?;
+        let turned = dense::product(self.source.basis(k), self.matrix.as_ref());
+        let spectral = self.target.shape.basis.functions.get(.., ..k);
+        let smoothed = self.source.smoothed.clone();
+        let (target, source) = (&mut self.target, &mut self.source);
+        let deformed = self.deformed.as_ref();
+        rayon::join(
+            || target.embed(spectral, deformed),
+            || source.embed(turned.as_ref(), smoothed.as_ref()),
+        );
+        self.find_images(SWEEPS);
+        Ok(())
+    }
+
+    /// Settles the images of both sides in the present embeddings.
+    pub fn find_images(&mut self, sweeps: usize) {
+        let Self { target, source, .. } = self;
+        let (target_rows, source_rows) = (&target.rows, &source.rows);
+        let (t, s) = (target.shape, source.shape);
+        rayon::join(
+            || {
+                target.images.settle(
+                    &target.asking,
+                    (target_rows, &target.neighbours),
+                    (source_rows, &s.neighbours),
+                    s.mesh.surface_vertices,
+                    sweeps,
+                );
+            },
+            || {
+                source.images.settle(
+                    &source.asking,
+                    (source_rows, &source.neighbours),
+                    (target_rows, &t.neighbours),
+                    t.mesh.surface_vertices,
+                    sweeps,
+                );
+            },
+        );
+    }
+
+    /// Low-passed target plus the smooth displacement that brings it onto the source.
+    fn displaced(&self, k: usize) -> Result<Mat<f64>> {
+        let (t, s) = (&self.target, &self.source);
+        let own = t.weighted_rows(t.basis(k), &t.asking);
+        let answered = s.weighted_rows(t.basis(k), &s.images.vertex);
+        let own_shift = difference(
+            &t.weighted_rows(s.smoothed.as_ref(), &t.images.vertex),
+            &t.weighted_rows(t.smoothed.as_ref(), &t.asking),
+        );
+        let answered_shift = difference(
+            &s.weighted_rows(s.smoothed.as_ref(), &s.asking),
+            &s.weighted_rows(t.smoothed.as_ref(), &s.images.vertex),
+        );
+        let mut gram = dense::product(own.transpose(), own.as_ref());
+        dense::add_product(gram.as_mut(), answered.transpose(), answered.as_ref());
+        let mut right = dense::product(own.transpose(), own_shift.as_ref());
+        dense::add_product(
+            right.as_mut(),
+            answered.transpose(),
+            answered_shift.as_ref(),
+        );
+        let values = &t.shape.basis.values;
+        let scale = DISPLACEMENT_RIDGE / values[SMOOTHNESS_PAIR.min(values.len() - 1)];
+        let shift = dense::solve_with_ridge(gram, |i| scale * values[i] + 1e-12, right.as_ref())?;
+        let mut deformed = t.smoothed.clone();
+        dense::add_product(deformed.as_mut(), t.basis(k), shift.as_ref());
+        Ok(deformed)
+    }
+
+    /// Bijective least squares for the map at k.
+    fn mapped(&self, k: usize) -> Result<Mat<f64>> {
+        let (t, s) = (&self.target, &self.source);
+        let asked = t.weighted_rows(t.basis(k), &t.asking);
+        let asked_images = t.weighted_rows(s.basis(k), &t.images.vertex);
+        let answered = s.weighted_rows(s.basis(k), &s.asking);
+        let answered_images = s.weighted_rows(t.basis(k), &s.images.vertex);
+        let mut gram = dense::product(asked_images.transpose(), asked_images.as_ref());
+        dense::add_product(gram.as_mut(), answered.transpose(), answered.as_ref());
+        let mut right = dense::product(asked_images.transpose(), asked.as_ref());
+        dense::add_product(
+            right.as_mut(),
+            answered.transpose(),
+            answered_images.as_ref(),
+        );
+        dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())
+    }
+
+    /// Rotates and moves the target's coordinates so that matched points come together.
+    ///
+    /// # Source
+    /// Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
+    fn rotate_target_onto_source(&mut self) -> Result<()> {
+        let (t, s) = (&self.target, &self.source);
+        let at = |side: &Side, v: u32| side.shape.mesh.vertices[v as usize];
+        let pairs = || {
+            let asked = (0..t.asking.len())
+                .map(|i| (t.weights[i], at(t, t.asking[i]), at(s, t.images.vertex[i])));
+            let answered = (0..s.asking.len())
+                .map(|i| (s.weights[i], at(t, s.images.vertex[i]), at(s, s.asking[i])));
+            asked.chain(answered)
+        };
+        let mut total = 0.0;
+        let (mut mean_t, mut mean_s) = ([0.0; 3], [0.0; 3]);
+        for (w, p, q) in pairs() {
+            total += w;
+            mean_t = vector::add(mean_t, vector::scaled(p, w));
+            mean_s = vector::add(mean_s, vector::scaled(q, w));
+        }
+        let (mean_t, mean_s) = (
+            vector::scaled(mean_t, 1.0 / total),
+            vector::scaled(mean_s, 1.0 / total),
+        );
+        let mut covariance = Mat::<f64>::zeros(3, 3);
+        for (w, p, q) in pairs() {
+            let (p, q) = (vector::sub(p, mean_t), vector::sub(q, mean_s));
+            for i in 0..3 {
+                for j in 0..3 {
+                    covariance[(i, j)] += w * q[i] * p[j];
+                }
+            }
+        }
+        let svd = Svd::new(covariance.as_ref()).map_err(|_| crate::Error::NotFactorised {
+            reason: "rotation between matched points".into(),
+        })?;
+        let (u, v) = (svd.U(), svd.V());
+        let proper = (determinant(u) * determinant(v)).signum();
+        let rotation = Mat::<f64>::from_fn(3, 3, |i, j| {
+            (0..3)
+                .map(|c| u[(i, c)] * v[(j, c)] * if c == 2 { proper } else { 1.0 })
+                .sum::<f64>()
+        });
+        // A constant is √area = 1 times the first eigenfunction.
+        let mut coordinates =
+            dense::product(self.target.coordinates.as_ref(), rotation.transpose());
+        for i in 0..3 {
+            let turned: f64 = (0..3).map(|j| rotation[(i, j)] * mean_t[j]).sum();
+            coordinates[(0, i)] += mean_s[i] - turned;
+        }
+        self.target.coordinates = coordinates;
+        Ok(())
+    }
+}
+
+/// Exhaustive for the farthest-point samples, spread from there to the vertices that ask.
+fn first_images(
+    images: &mut Images,
+    asking: &[u32],
+    own: &Shape,
+    (own_rows, neighbours): (&Rows, &Adjacency),
+    other: &Shape,
+    other_rows: &Rows,
+) {
+    let real = other.mesh.surface_vertices;
+    let answers: Vec<u32> = (0..real as u32).collect();
+    let spread = asking.len() == own.mesh.vertices.len();
+    let known: &[u32] = if spread { &own.farthest } else { asking };
+    let found = nearest(&own_rows.gather(known), &other_rows.gather(&answers));
+    if spread {
+        for (&v, &image) in known.iter().zip(&found) {
+            images.vertex[v as usize] = image;
+        }
+        images.settle(
+            asking,
+            (own_rows, neighbours),
+            (other_rows, &other.neighbours),
+            real,
+            SWEEPS_TO_REST,
+        );
+    } else {
+        images.vertex = found;
+    }
+}
+
+fn difference(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
+    a - b
+}
+
+fn determinant(m: MatRef<'_, f64>) -> f64 {
+    let row = |i: usize| [m[(i, 0)], m[(i, 1)], m[(i, 2)]];
+    vector::dot(row(0), vector::cross(row(1), row(2)))
+}

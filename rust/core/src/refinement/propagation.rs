@@ -1,0 +1,144 @@
+//! Nearest neighbours that spread over the surface: neighbours on one shape have neighbouring
+//! images on the other.
+//!
+//! Linear in the number of vertices where an exhaustive search is quadratic. The sweeps run in a
+//! fixed order on one thread, so that the result does not depend on the number of threads.
+
+use crate::dense::Rows;
+use crate::mesh::Adjacency;
+
+/// Most sweeps until nothing changes.
+pub const SWEEPS_TO_REST: usize = 20;
+
+/// Image of every asking vertex with its squared distance.
+#[derive(Debug, Clone)]
+pub struct Images {
+    /// Answering vertex, or `u32::MAX` before one is known.
+    pub vertex: Vec<u32>,
+    /// Squared distance in the embedding.
+    pub cost: Vec<f32>,
+}
+
+impl Images {
+    /// No image is known yet.
+    #[must_use]
+    pub fn unknown(count: usize) -> Self {
+        Self {
+            vertex: vec![u32::MAX; count],
+            cost: vec![f32::INFINITY; count],
+        }
+    }
+
+    /// Sweeps until nothing changes, at most `sweeps` times.
+    ///
+    /// `ids` are the asking vertices; `asking` holds the rows of all their shape's vertices and
+    /// which of the asking ones are neighbours, `answering` the other shape's rows and edges. Only
+    /// the first `answers` vertices may answer.
+    pub fn settle(
+        &mut self,
+        ids: &[u32],
+        asking: (&Rows, &Adjacency),
+        answering: (&Rows, &Adjacency),
+        answers: usize,
+        sweeps: usize,
+    ) {
+        for (i, &id) in ids.iter().enumerate() {
+            self.cost[i] = if self.vertex[i] == u32::MAX {
+                f32::INFINITY
+            } else {
+                squared_distance(
+                    asking.0.row(id as usize),
+                    answering.0.row(self.vertex[i] as usize),
+                    f32::INFINITY,
+                )
+            };
+        }
+        // Where the known images are few, spreading them takes precedence over the limit.
+        let mut sweep = 0;
+        while sweep < sweeps || self.vertex.contains(&u32::MAX) {
+            let mut changed = false;
+            for step in 0..ids.len() {
+                let i = if sweep % 2 == 0 {
+                    step
+                } else {
+                    ids.len() - 1 - step
+                };
+                let here = asking.0.row(ids[i] as usize);
+                changed |= self.improve(i, here, asking.1.row(i), answering, answers);
+            }
+            if !changed {
+                break;
+            }
+            sweep += 1;
+        }
+    }
+
+    /// Tries the images of mesh neighbours, then walks downhill on the answering shape.
+    fn improve(
+        &mut self,
+        i: usize,
+        here: &[f32],
+        neighbours: &[u32],
+        answering: (&Rows, &Adjacency),
+        answers: usize,
+    ) -> bool {
+        let (start, mut best) = (self.vertex[i], (self.vertex[i], self.cost[i]));
+        for &j in neighbours {
+            let image = self.vertex[j as usize];
+            if image != u32::MAX && image != best.0 {
+                let cost = squared_distance(here, answering.0.row(image as usize), best.1);
+                if cost < best.1 {
+                    best = (image, cost);
+                }
+            }
+        }
+        if best.0 == u32::MAX {
+            return false;
+        }
+        loop {
+            let from = best.0;
+            for &q in answering.1.row(from as usize) {
+                if (q as usize) < answers {
+                    let cost = squared_distance(here, answering.0.row(q as usize), best.1);
+                    if cost < best.1 {
+                        best = (q, cost);
+                    }
+                }
+            }
+            if best.0 == from {
+                break;
+            }
+        }
+        (self.vertex[i], self.cost[i]) = best;
+        best.0 != start
+    }
+}
+
+/// ‖a − b‖², or anything above `limit` once it exceeds that.
+#[must_use]
+pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
+    const LANES: usize = 16;
+    const BLOCK: usize = 64;
+    let mut sum = 0.0;
+    for (x, y) in a.chunks(BLOCK).zip(b.chunks(BLOCK)) {
+        let mut lanes = [0f32; LANES];
+        let (x_lanes, y_lanes) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
+        let rest: f32 = x_lanes
+            .remainder()
+            .iter()
+            .zip(y_lanes.remainder())
+            .map(|(p, q)| (p - q) * (p - q))
+            .sum();
+        for (p, q) in x_lanes.zip(y_lanes) {
+            for l in 0..LANES {
+                let d = p[l] - q[l];
+                lanes[l] += d * d;
+            }
+        }
+        sum += lanes.iter().sum::<f32>() + rest;
+        if sum > limit {
+            return sum;
+        }
+    }
+    sum
+}

@@ -1,0 +1,48 @@
+//! Spectral upsampling: more eigenfunctions at each step, fitted in both directions.
+//!
+//! # Source
+//! Melzi et al., "ZoomOut", 2019, made bijective by least squares over both point maps.
+
+use faer::Mat;
+
+use crate::dense::{self, Rows};
+use crate::error::Result;
+use crate::map_search::{Candidate, fit};
+use crate::nearest::nearest;
+use crate::shape::Shape;
+
+/// Eigenfunctions of an upsampled map.
+pub const UPSAMPLED_SIZE: usize = 60;
+/// Eigenfunctions added a step.
+const STEP: usize = 4;
+
+/// `(kₛ, kₜ)` map of up to [`UPSAMPLED_SIZE`] eigenfunctions grown from a candidate, by nearest
+/// neighbours between the two shapes' samples.
+///
+/// # Errors
+/// [`crate::Error::NotFactorised`] when the point maps collapse.
+pub fn upsampled(target: &Shape, source: &Shape, candidate: &Candidate) -> Result<Mat<f64>> {
+    let largest = UPSAMPLED_SIZE
+        .min(target.basis.values.len())
+        .min(source.basis.values.len());
+    let at_samples =
+        |s: &Shape| dense::gather_rows(s.basis.functions.as_ref(), &s.farthest, largest);
+    let (on_target, on_source) = (at_samples(target), at_samples(source));
+    let mut matrix = candidate.matrix.clone();
+    loop {
+        let k = matrix.ncols();
+        let asked = Rows::from_matrix(on_target.as_ref(), k);
+        let turned = dense::product(on_source.get(.., ..k), matrix.as_ref());
+        let answers = Rows::from_matrix(turned.as_ref(), k);
+        matrix = fit(
+            on_target.as_ref(),
+            on_source.as_ref(),
+            &nearest(&asked, &answers),
+            &nearest(&answers, &asked),
+            (k + STEP).min(largest),
+        )?;
+        if k == largest {
+            return Ok(matrix);
+        }
+    }
+}

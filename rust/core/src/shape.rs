@@ -1,0 +1,200 @@
+//! A surface prepared for matching: everything that depends on one shape only.
+
+use faer::{Mat, MatRef};
+
+use crate::dense;
+use crate::descriptors::Descriptors;
+use crate::distance_operator;
+use crate::eigenbasis::Eigenbasis;
+use crate::error::Result;
+use crate::geodesics::{self, FastMarching};
+use crate::laplacian::Laplacian;
+use crate::mesh::{Adjacency, Mesh};
+use crate::progress::Progress;
+use crate::vector::Point;
+
+/// Eigenpairs of a prepared shape; more bring nothing to a map.
+pub const EIGENPAIRS: usize = 150;
+/// Farthest-point samples.
+pub const SAMPLES: usize = 500;
+/// Samples from which distances are marched: twice the operator's size.
+pub const MARCHED: usize = 120;
+/// Size of the distance operator.
+pub const OPERATOR_SIZE: usize = 60;
+/// Vertices for each eigenpair at least: beyond, eigenfunctions show the mesh, not the surface.
+const VERTICES_A_PAIR: usize = 3;
+
+/// A surface as a sampled metric space with its spectrum. Lengths are at unit area.
+#[derive(Debug)]
+pub struct Shape {
+    /// Checked mesh.
+    pub mesh: Mesh,
+    /// Lumped mixed-Voronoi areas, `(n)`, summing to 1.
+    pub mass: Vec<f64>,
+    /// Smallest eigenpairs of the Laplace–Beltrami operator.
+    pub basis: Eigenbasis,
+    /// Farthest-point list.
+    pub farthest: Vec<u32>,
+    /// Distances from the first samples to every vertex, `(n, s)`.
+    pub fields: Mat<f32>,
+    /// Distance operator `(q, q)`.
+    pub distance_operator: Mat<f64>,
+    /// Pointwise descriptors.
+    pub descriptors: Descriptors,
+    /// Unit vertex normals, zero where undefined.
+    pub normals: Vec<Point>,
+    /// +1 when the faces are wound outward.
+    pub volume_sign: f64,
+    /// Neighbours of each vertex.
+    pub neighbours: Adjacency,
+    /// Faces around each vertex.
+    pub vertex_faces: Adjacency,
+    /// Marching on this mesh.
+    pub marching: FastMarching,
+}
+
+impl Shape {
+    /// Prepares a triangle mesh.
+    ///
+    /// `report` is told the stage and the fraction of this shape's work that lies behind.
+    ///
+    /// # Errors
+    /// Those of [`Mesh::new`], [`Eigenbasis::new`], and [`crate::Error::Cancelled`].
+    pub fn new(
+        vertices: &[Point],
+        faces: &[[i64; 3]],
+        progress: &Progress,
+        report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+    ) -> Result<Self> {
+        report("reading", 0.0)?;
+        let mesh = Mesh::new(vertices, faces, false)?;
+        report("operator", 0.05)?;
+        let laplacian = Laplacian::new(&mesh)?;
+        report("eigenpairs", 0.1)?;
+        let pairs = EIGENPAIRS.min(mesh.vertices.len() / VERTICES_A_PAIR);
+        let cancelled = || progress.is_cancelled();
+        let basis = Eigenbasis::new(&laplacian, pairs, &cancelled)?;
+        report("sampling", 0.6)?;
+        let marching = FastMarching::new(&mesh);
+        let wanted = SAMPLES.min(mesh.surface_vertices);
+        let farthest = geodesics::farthest_points(&marching, &mesh, wanted, &cancelled)?;
+        report("geodesics", 0.7)?;
+        let marched = &farthest[..MARCHED.min(farthest.len())];
+        let fields = geodesics::distances_from(&marching, marched, &cancelled)?;
+        report("distance operator", 0.9)?;
+        let size = OPERATOR_SIZE.min(pairs).min(2 * marched.len() / 3);
+        let distance_operator = distance_operator::from_fields(
+            basis.functions.get(.., ..size),
+            &basis.values[..size],
+            &laplacian.mass,
+            marched,
+            Mat::from_fn(fields.nrows(), fields.ncols(), |i, j| {
+                f64::from(fields[(i, j)])
+            })
+            .as_ref(),
+        )?;
+        report("descriptors", 0.95)?;
+        let descriptors = Descriptors::new(
+            &mesh,
+            &laplacian.stiffness,
+            &laplacian.mass,
+            &basis.values,
+            basis.functions.as_ref(),
+        );
+        Ok(Self {
+            normals: mesh.vertex_normals(),
+            volume_sign: mesh.volume_sign(),
+            neighbours: mesh.vertex_neighbours(),
+            vertex_faces: mesh.vertex_faces(),
+            mass: laplacian.mass,
+            mesh,
+            basis,
+            farthest,
+            fields,
+            distance_operator,
+            descriptors,
+            marching,
+        })
+    }
+
+    /// First `k` eigenfunctions, `(n, k)`.
+    #[must_use]
+    pub fn functions(&self, k: usize) -> MatRef<'_, f64> {
+        self.basis.functions.get(.., ..k)
+    }
+
+    /// The samples from which distances were marched.
+    #[must_use]
+    pub fn marched(&self) -> &[u32] {
+        &self.farthest[..self.fields.ncols()]
+    }
+
+    /// Distances between two lists of vertices through the distance operator, about 2 % off.
+    #[must_use]
+    pub fn spectral_distances(&self, a: &[u32], b: &[u32]) -> Mat<f64> {
+        let k = self.distance_operator.nrows();
+        let basis = self.basis.functions.as_ref();
+        distance_operator::between(
+            self.distance_operator.as_ref(),
+            dense::gather_rows(basis, a, k).as_ref(),
+            dense::gather_rows(basis, b, k).as_ref(),
+        )
+    }
+
+    /// The farthest-point samples, filled up with vertices in an order that looks random, so that
+    /// small and large features get their share.
+    #[must_use]
+    pub fn drawn_vertices(&self, count: usize) -> Vec<u32> {
+        /// Any odd multiplier near 2³²/φ scatters consecutive numbers.
+        const SCATTER: u64 = 2_654_435_769;
+        let n = self.mesh.surface_vertices as u64;
+        let more = count.saturating_sub(self.farthest.len()) as u64;
+        let scattered = (0..more).map(|i| ((i * SCATTER) % (1 << 32) * n >> 32) as u32);
+        let mut drawn: Vec<u32> = self.farthest.iter().copied().chain(scattered).collect();
+        drawn.truncate(count);
+        drawn
+    }
+
+    /// Eigenfunctions in given numbering and units, `(given, k)`; zero at dropped vertices.
+    #[must_use]
+    pub fn given_functions(&self) -> Mat<f64> {
+        let mesh = &self.mesh;
+        let mut out = Mat::zeros(mesh.input_positions.len(), self.basis.values.len());
+        for (i, &v) in mesh.input_vertex.iter().enumerate() {
+            for j in 0..out.ncols() {
+                out[(v as usize, j)] = self.basis.functions[(i, j)] / mesh.scale;
+            }
+        }
+        out
+    }
+
+    /// Vertex areas in given numbering and units; zero at dropped vertices.
+    #[must_use]
+    pub fn given_mass(&self) -> Vec<f64> {
+        let mesh = &self.mesh;
+        let mut out = vec![0.0; mesh.input_positions.len()];
+        for (i, &v) in mesh.input_vertex.iter().enumerate() {
+            out[v as usize] = self.mass[i] * mesh.scale.powi(2);
+        }
+        out
+    }
+
+    /// Samples from which distances were marched, in given numbering.
+    #[must_use]
+    pub fn given_samples(&self) -> Vec<i64> {
+        self.marched()
+            .iter()
+            .map(|&v| i64::from(self.mesh.input_vertex[v as usize]))
+            .collect()
+    }
+
+    /// Distances between those samples in given units, `(s, s)`, made symmetric.
+    #[must_use]
+    pub fn given_geodesics(&self) -> Mat<f64> {
+        let marched = self.marched();
+        let d = |i: usize, j: usize| f64::from(self.fields[(marched[i] as usize, j)]);
+        Mat::from_fn(marched.len(), marched.len(), |i, j| {
+            self.mesh.scale * f64::midpoint(d(i, j), d(j, i))
+        })
+    }
+}

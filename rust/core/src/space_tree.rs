@@ -1,0 +1,87 @@
+//! Nearest points in space.
+
+use crate::vector::{self, Point};
+
+/// Points of a leaf.
+const LEAF: usize = 8;
+
+/// A balanced tree over points, split at the median of the widest axis.
+#[derive(Debug)]
+pub struct SpaceTree<'a> {
+    points: &'a [Point],
+    order: Vec<u32>,
+}
+
+impl<'a> SpaceTree<'a> {
+    /// Sorts the points into a tree; O(n log² n).
+    #[must_use]
+    pub fn new(points: &'a [Point]) -> Self {
+        let mut order: Vec<u32> = (0..points.len() as u32).collect();
+        split(points, &mut order);
+        Self { points, order }
+    }
+
+    /// Nearest point, the lowest number winning a tie; nothing when there are no points.
+    #[must_use]
+    pub fn nearest(&self, query: Point) -> Option<u32> {
+        let mut best = None;
+        self.visit(&self.order, query, &mut best);
+        best.map(|(_, id)| id)
+    }
+
+    fn visit(&self, part: &[u32], query: Point, best: &mut Option<(f64, u32)>) {
+        if part.len() <= LEAF {
+            for &id in part {
+                let d = vector::sub(self.points[id as usize], query);
+                let found = (vector::dot(d, d), id);
+                if best.is_none_or(|b| found < b) {
+                    *best = Some(found);
+                }
+            }
+            return;
+        }
+        let axis = widest_axis(self.points, part);
+        let middle = part.len() / 2;
+        let at = self.points[part[middle] as usize][axis];
+        let (low, high) = part.split_at(middle);
+        let offset = query[axis] - at;
+        let (near, far) = if offset < 0.0 {
+            (low, high)
+        } else {
+            (high, low)
+        };
+        self.visit(near, query, best);
+        if best.is_none_or(|(d, _)| offset * offset <= d) {
+            self.visit(far, query, best);
+        }
+    }
+}
+
+fn split(points: &[Point], part: &mut [u32]) {
+    if part.len() <= LEAF {
+        return;
+    }
+    let axis = widest_axis(points, part);
+    let middle = part.len() / 2;
+    part.select_nth_unstable_by(middle, |&a, &b| {
+        let key = |v: u32| points[v as usize][axis];
+        key(a).total_cmp(&key(b)).then(a.cmp(&b))
+    });
+    let (low, high) = part.split_at_mut(middle);
+    split(points, low);
+    split(points, high);
+}
+
+fn widest_axis(points: &[Point], part: &[u32]) -> usize {
+    let mut low = [f64::INFINITY; 3];
+    let mut high = [f64::NEG_INFINITY; 3];
+    for &id in part {
+        for c in 0..3 {
+            low[c] = low[c].min(points[id as usize][c]);
+            high[c] = high[c].max(points[id as usize][c]);
+        }
+    }
+    (0..3)
+        .max_by(|&a, &b| (high[a] - low[a]).total_cmp(&(high[b] - low[b])))
+        .unwrap_or(0)
+}

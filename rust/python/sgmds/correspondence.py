@@ -1,0 +1,124 @@
+"""A dense map from the vertices of a target to points of a source."""
+
+import zipfile
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from . import _core
+from .errors import ArgumentError, SgmdsError
+
+FORMAT = "sgmds-correspondence"
+VERSION = 1
+ARRAYS = ("faces", "barycentric", "vertices", "confidence", "functional_map")
+
+
+@dataclass(frozen=True)
+class Quality:
+    """How far a whole map can be trusted."""
+
+    grade: str
+    """"green" (use it), "amber" (look first) or "red" (probably wrong)."""
+    reasons: list
+    """The reasons in words."""
+    figures: dict = field(default_factory=dict)
+    """The figures behind them."""
+
+
+class Correspondence:
+    """For every target vertex one point of the source surface.
+
+    Attributes
+    ----------
+    faces : (n_target,) source triangle holding the image
+    barycentric : (n_target, 3) weights in that triangle, non-negative, summing to 1
+    vertices : (n_target,) nearest source vertex of that point
+    confidence : (n_target,) in [0, 1]
+    functional_map : (k_target, k_source) coefficients on source → coefficients on target
+    quality : Quality
+    """
+
+    def __init__(self, arrays, quality, raw=None):
+        for name in ARRAYS:
+            setattr(self, name, arrays[name])
+        self._triangles = arrays["triangles"]
+        self._source_count = int(arrays["source_count"])
+        self.quality = quality
+        self._raw = raw
+        self._alternatives = None
+
+    @classmethod
+    def _from_core(cls, raw, triangles, source_count):
+        arrays = {name: getattr(raw, name) for name in ARRAYS}
+        figures = raw.quality
+        grade = figures.pop("grade", "amber")
+        reasons = figures.pop("reasons", ["the published method does not judge its map"])
+        arrays.update(triangles=triangles, source_count=source_count)
+        return cls(arrays, Quality(grade, reasons, figures), raw)
+
+    @property
+    def alternatives(self):
+        """The other plausible maps found, best first; completed when first asked for."""
+        if self._alternatives is None:
+            count = self._raw.alternative_count if self._raw is not None else 0
+            self._alternatives = [
+                self._from_core(self._raw.alternative(i), self._triangles, self._source_count)
+                for i in range(count)
+            ]
+        return self._alternatives
+
+    def transfer(self, values):
+        """Carries (n_source, ...) values to (n_target, ...), linear within source triangles."""
+        values = np.asarray(values)
+        if values.ndim == 0 or len(values) != self._source_count:
+            raise ArgumentError(f"`values` should have {self._source_count} rows, got {values.shape}")
+        flat = np.ascontiguousarray(values.reshape(len(values), -1), np.float64)
+        carried = _core.transfer_values(self.faces, self.barycentric, self._triangles, flat)
+        return carried.reshape(len(self.faces), *values.shape[1:])
+
+    def save(self, path):
+        """Writes an .npz that numpy alone can read."""
+        with open(path, "wb") as file:
+            np.savez_compressed(
+                file,
+                format=FORMAT,
+                version=VERSION,
+                **{name: getattr(self, name) for name in ARRAYS},
+                triangles=self._triangles,
+                source_count=self._source_count,
+                grade=self.quality.grade,
+                reasons=np.array(self.quality.reasons, dtype=str),
+            )
+
+    @classmethod
+    def load(cls, path):
+        """Reads what `save` wrote; anything else is refused."""
+        try:
+            with np.load(path, allow_pickle=False) as file:
+                arrays = {name: file[name] for name in file.files}
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
+            raise SgmdsError(f"{path}: not a readable correspondence ({error}): make it again") from error
+        if str(arrays.get("format")) != FORMAT or int(arrays.get("version", 0)) != VERSION:
+            raise SgmdsError(f"{path}: not a correspondence of version {VERSION}: make it again")
+        missing = {*ARRAYS, "triangles", "source_count", "grade", "reasons"} - arrays.keys()
+        if missing:
+            raise SgmdsError(f"{path}: damaged, lacks {', '.join(sorted(missing))}: make it again")
+        found = cls(arrays, Quality(str(arrays["grade"]), [str(r) for r in arrays["reasons"]]))
+        found._check(path)
+        return found
+
+    def _check(self, path):
+        n, m = len(self.faces), len(self._triangles)
+        shapes_fit = (
+            self.barycentric.shape == (n, 3) and self.vertices.shape == self.confidence.shape == (n,)
+        )
+        if not shapes_fit or (n and (self.faces.min() < 0 or self.faces.max() >= m)):
+            raise SgmdsError(f"{path}: damaged, its arrays do not fit together: make it again")
+        if m and (self._triangles.min() < 0 or self._triangles.max() >= self._source_count):
+            raise SgmdsError(f"{path}: damaged, a triangle names a missing vertex: make it again")
+
+    def __repr__(self):
+        return (
+            f"Correspondence({len(self.faces)} target vertices, {self.quality.grade}, "
+            f"mean confidence {self.confidence.mean():.2f})"
+        )

@@ -1,0 +1,92 @@
+"""Matching of two shapes."""
+
+import operator
+
+from . import _core
+from .correspondence import Correspondence
+from .errors import ArgumentError
+from .shape import Shape, checked_mesh
+
+
+def match(
+    source,
+    target,
+    *,
+    landmarks=(),
+    method="auto",
+    part=None,
+    mirror="forbid",
+    progress=None,
+    threads=None,
+    seed=0,
+):
+    """Dense correspondence from every vertex of `target` to a point of `source`, fully automatic.
+
+    Parameters
+    ----------
+    source, target : Shape or (vertices, faces)
+        The source carries the data, the target receives it.
+    landmarks : sequence of (source_vertex, target_vertex)
+        Known pairs.
+    method : {"auto", "paper"}
+        Our best, or the published algorithm from an automatic initialisation.
+    part : {None, "source", "target"}
+        Which shape is a part of the other.
+    mirror : {"forbid", "allow"}
+        Whether a map that exchanges left and right may be chosen.
+    progress : callable, optional
+        ``progress(stage, fraction)``; returning ``False`` cancels.
+    threads : int, optional
+        Worker threads; the result does not depend on them.
+    seed : int
+        The method draws no random numbers; kept so that calls stay valid when one does.
+
+    Returns
+    -------
+    Correspondence
+
+    Raises
+    ------
+    MeshError, MatchError, Cancelled
+    """
+    for name, value, allowed in (
+        ("method", method, ("auto", "paper")),
+        ("part", part, (None, "source", "target")),
+        ("mirror", mirror, ("forbid", "allow")),
+    ):
+        if value not in allowed:
+            raise ArgumentError(f"`{name}` should be one of {allowed}, got {value!r}")
+    operator.index(seed)
+    sides = [_side(name, s) for name, s in (("source", source), ("target", target))]
+    counts = [len(vertices) for vertices, _, _ in sides]
+    raw = _core.match_pair(
+        sides[0][2], sides[1][2], method, mirror, _pairs(landmarks, counts), progress, threads
+    )
+    return Correspondence._from_core(raw, sides[0][1], counts[0])
+
+
+def _side(name, shape):
+    """(vertices, faces, what the core takes)"""
+    if isinstance(shape, Shape):
+        return shape.vertices, shape.faces, shape._core
+    try:
+        vertices, faces = shape
+    except (TypeError, ValueError):
+        raise ArgumentError(f"`{name}` should be a Shape or (vertices, faces)") from None
+    arrays = checked_mesh(vertices, faces)
+    return *arrays, arrays
+
+
+def _pairs(landmarks, counts):
+    pairs = []
+    for entry in landmarks:
+        try:
+            pair = tuple(operator.index(v) for v in entry)
+        except TypeError:
+            raise ArgumentError(f"landmark {entry!r} should be (source_vertex, target_vertex)") from None
+        if len(pair) != 2 or not all(0 <= v < n for v, n in zip(pair, counts, strict=True)):
+            raise ArgumentError(
+                f"landmark {entry!r} should be (source_vertex, target_vertex) below {tuple(counts)}"
+            )
+        pairs.append(pair)
+    return pairs

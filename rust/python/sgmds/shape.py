@@ -1,0 +1,94 @@
+"""A surface prepared for matching."""
+
+import numpy as np
+
+from . import _core
+from .errors import ArgumentError
+
+
+def checked_mesh(vertices, faces):
+    """Contiguous (n, 3) float64 and (m, 3) int64 arrays, or an error that names the argument."""
+    vertices, faces = np.asarray(vertices), np.asarray(faces)
+    if vertices.ndim != 2 or vertices.shape[1] != 3:
+        raise ArgumentError(f"`vertices` should be (n, 3), got {vertices.shape}")
+    if vertices.dtype.kind not in "fiu":
+        raise ArgumentError(f"`vertices` should be numbers, got {vertices.dtype}")
+    if faces.size == 0:
+        faces = np.zeros((0, 3), np.int64)
+    if faces.ndim != 2 or faces.shape[1] != 3:
+        raise ArgumentError(f"`faces` should be (m, 3), got {faces.shape}; cut polygons into triangles")
+    if faces.dtype.kind not in "iu":
+        raise ArgumentError(f"`faces` should be integers, got {faces.dtype}")
+    return np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
+
+
+class Shape:
+    """All per-shape work of a match: spectrum, samples, distances, descriptors.
+
+    Reusable for many pairs. Public arrays are in the mesh's own units and numbering; vertices that
+    were dropped (loose ones, smaller components) have zero mass and zero eigenfunctions.
+
+    Parameters
+    ----------
+    vertices : (n, 3) array of float
+    faces : (m, 3) array of int
+        Triangles, 0-based.
+    progress : callable, optional
+        ``progress(stage, fraction)``; returning ``False`` cancels.
+    threads : int, optional
+        Worker threads; the result does not depend on them.
+
+    Raises
+    ------
+    MeshError
+        When the mesh has no usable surface.
+    Cancelled
+    """
+
+    def __init__(self, vertices, faces, *, progress=None, threads=None):
+        self.vertices, self.faces = checked_mesh(vertices, faces)
+        self._core = _core.prepare(self.vertices, self.faces, progress, threads)
+        self._kept = {}
+
+    def _array(self, name):
+        if name not in self._kept:
+            self._kept[name] = getattr(self._core, name)
+        return self._kept[name]
+
+    @property
+    def eigenvalues(self):
+        """(k,) smallest eigenvalues of the Laplace–Beltrami operator, in 1/length²."""
+        return self._array("eigenvalues")
+
+    @property
+    def eigenfunctions(self):
+        """(n, k) eigenfunctions, ``Φᵀ A Φ = I`` with ``A = diag(mass)``."""
+        return self._array("eigenfunctions")
+
+    @property
+    def mass(self):
+        """(n,) lumped mixed-Voronoi areas."""
+        return self._array("mass")
+
+    @property
+    def samples(self):
+        """(s,) farthest-point sample vertices from which distances were marched."""
+        return self._array("samples")
+
+    @property
+    def geodesics(self):
+        """(s, s) geodesic distances between the samples, in length units."""
+        return self._array("geodesics")
+
+    @property
+    def distance_operator(self):
+        """(q, q) matrix α with ``D ≈ Φ α Φᵀ`` over the first q eigenfunctions."""
+        return self._array("distance_operator")
+
+    @property
+    def report(self):
+        """What was ignored or mended when the mesh was read: a dict of counts."""
+        return self._core.report
+
+    def __repr__(self):
+        return f"Shape({len(self.vertices)} vertices, {len(self.faces)} faces)"

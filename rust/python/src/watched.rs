@@ -1,0 +1,82 @@
+//! Runs the core off the interpreter: the lock released, progress told, cancellation heard.
+
+use std::sync::Mutex;
+use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::time::Duration;
+
+use pyo3::exceptions::PyValueError;
+use pyo3::prelude::*;
+use sgmds_core::Error;
+use sgmds_core::progress::Progress;
+
+use crate::errors;
+
+/// Time between two looks at a running computation.
+const GLANCE: Duration = Duration::from_millis(40);
+
+/// Runs `work` on its own thread (with `threads` workers, or the process's pool) while this one
+/// calls `progress(stage, fraction)` and handles signals. A callback that returns `False` or
+/// raises, and Ctrl-C, stop the work at its next check.
+pub fn watched<T: Send>(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    threads: Option<usize>,
+    work: impl FnOnce(&Progress) -> Result<T, Error> + Send,
+) -> PyResult<T> {
+    let pool = threads
+        .map(|count| {
+            rayon::ThreadPoolBuilder::new()
+                .num_threads(count.max(1))
+                .build()
+        })
+        .transpose()
+        .map_err(|e| PyValueError::new_err(format!("no pool of {threads:?} threads: {e}")))?;
+    let state = Progress::default();
+    let (done, wait) = channel::<()>();
+    let wait = Mutex::new(wait);
+    let still_running = || match wait.lock() {
+        Ok(wait) => wait.recv_timeout(GLANCE) == Err(RecvTimeoutError::Timeout),
+        Err(_) => false,
+    };
+    let mut interruption = None;
+    let outcome = std::thread::scope(|scope| {
+        let worker = scope.spawn(|| {
+            // Dropped when the work ends in whatever way, which ends the waiting.
+            let _done = done;
+            match &pool {
+                Some(pool) => pool.install(|| work(&state)),
+                None => work(&state),
+            }
+        });
+        while py.detach(still_running) {
+            if interruption.is_none()
+                && let Err(error) = glance(py, progress, &state)
+            {
+                interruption = Some(error);
+                state.cancel();
+            }
+        }
+        py.detach(|| worker.join())
+    });
+    if let Some(error) = interruption {
+        return Err(error);
+    }
+    match outcome {
+        Ok(Ok(value)) => Ok(value),
+        Ok(Err(error)) => Err(errors::to_python(py, &error)),
+        Err(payload) => Err(errors::from_panic(py, state.now().0, payload.as_ref())),
+    }
+}
+
+fn glance(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>, state: &Progress) -> PyResult<()> {
+    py.check_signals()?;
+    let Some(callback) = progress else {
+        return Ok(());
+    };
+    let (stage, fraction) = state.now();
+    let answer = callback.call1((stage, fraction))?;
+    if answer.is_instance_of::<pyo3::types::PyBool>() && !answer.is_truthy()? {
+        return Err(errors::to_python(py, &Error::Cancelled));
+    }
+    Ok(())
+}
