@@ -133,7 +133,7 @@ fn mean_curvature(mesh: &Mesh, stiffness: &sprs::CsMat<f64>, mass: &[f64]) -> Ve
         .collect()
 }
 
-/// Φ e^{−Λt} ΦᵀA f.
+/// Φ e^{−Λt} `ΦᵀA` f.
 fn diffused(
     values_at: &[f64],
     mass: &[f64],

@@ -15,7 +15,7 @@ pub const DATA_PENALTY: f64 = 1e4;
 
 /// α from distances of m samples to every vertex.
 ///
-/// `basis` is `(n, k)` with ΦᵀAΦ = I, `values` the k eigenvalues, `mass` the n vertex areas,
+/// `basis` is `(n, k)` with `ΦᵀAΦ` = I, `values` the k eigenvalues, `mass` the n vertex areas,
 /// `samples` the m vertices, `fields` the distances `(n, m)`. The projection of each field on the
 /// basis is exact; only the sampled argument is interpolated, by penalised least squares with the
 /// Dirichlet energy. Returns `(k, k)`, symmetric, in units of length³.
@@ -43,9 +43,9 @@ pub fn from_fields(
 /// α from distances between m samples only, the paper's spectral interpolation.
 ///
 /// Minimises the Dirichlet energy of Φ α Φᵀ in both arguments, tr(αᵀΛα) + tr(αΛαᵀ), plus
-/// μ · mean squared deviation at the samples, in closed form: with G = Φ_SᵀΦ_S/m and the pencil
-/// ΛZ = GZ diag(s), ZᵀGZ = I, the solution is Z [μ R̃_ij/(μ + s_i + s_j)] Zᵀ where
-/// R̃ = ZᵀΦ_SᵀDΦ_SZ/m².
+/// μ · mean squared deviation at the samples, in closed form: with G = `Φ_SᵀΦ_S/m` and the pencil
+/// ΛZ = GZ diag(s), `ZᵀGZ` = I, the solution is Z [μ `R̃_ij/(μ` + `s_i` + `s_j`)] Zᵀ where
+/// R̃ = `ZᵀΦ_SᵀDΦ_SZ/m²`.
 ///
 /// # Errors
 /// [`Error::NotFactorised`] when the pencil is singular.

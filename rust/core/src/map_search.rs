@@ -34,14 +34,17 @@ const DESCRIPTOR_WEIGHT: f32 = 0.7;
 const FIT_RIDGE: f64 = 1e-3;
 /// Maps closer than this, as a mean geodesic distance at unit area, lie in one basin.
 const BASIN: f64 = 0.15;
+/// Ratio of neighbouring eigenvalues below which their functions may come mixed.
+const NEARLY_DOUBLE: f64 = 1.15;
 /// Number of eigenfunctions from which on maps are also tried with their front and back turned,
 /// and how often.
 const TURNED_FROM: usize = 12;
 const TURNED_EVERY: usize = 4;
 /// Eigenfunctions whose bivectors tell direct from mirrored maps.
 const ORIENTATION_FUNCTIONS: usize = 8;
-/// A map's energy is weighted by this less its orientation.
+/// Below this size the orientation of a right map is as good as random.
 const ORIENTED_FROM: usize = 15;
+/// A map's energy is weighted by this less its orientation.
 const ORIENTATION_OFFSET: f64 = 2.0;
 /// Maps closer than this are the same.
 const SAME: f64 = 0.03;
@@ -140,12 +143,15 @@ impl<'a> SampledPair<'a> {
             }
             let children = each(&beam, |parent| {
                 let child = self.refitted(parent, k)?;
-                let mut turned = child.matrix.clone();
-                for x in turned.col_as_slice_mut(k - 1) {
-                    *x = -*x;
+                let mut siblings = vec![self.turned(&child, &[(k - 1, k - 1, -1.0)])?];
+                if k > first + 1 && self.nearly_double(k) {
+                    for sign in [1.0, -1.0] {
+                        let exchange = [(k - 2, k - 1, sign), (k - 1, k - 2, sign)];
+                        siblings.push(self.turned(&child, &exchange)?);
+                    }
                 }
-                let sibling = self.refitted(&self.judged(turned), k)?;
-                Ok([child, sibling])
+                siblings.push(child);
+                Ok(siblings)
             })?;
             beam = self.pruned(children.into_iter().flatten().collect(), width.beam, BASIN);
         }
@@ -258,7 +264,7 @@ impl<'a> SampledPair<'a> {
             orientation,
             rank: energy
                 * (ORIENTATION_OFFSET
-                    - if on_source.len() > 0 && ks >= ORIENTED_FROM {
+                    - if !on_source.is_empty() && ks >= ORIENTED_FROM {
                         orientation
                     } else {
                         0.0
@@ -279,6 +285,26 @@ impl<'a> SampledPair<'a> {
             k,
         )?;
         Ok(self.judged(matrix))
+    }
+
+    /// A candidate with some columns replaced, `(column, by which, times)`, and fitted anew.
+    fn turned(&self, candidate: &Candidate, columns: &[(usize, usize, f64)]) -> Result<Candidate> {
+        let mut matrix = candidate.matrix.clone();
+        for &(to, from, sign) in columns {
+            for i in 0..matrix.nrows() {
+                matrix[(i, to)] = sign * candidate.matrix[(i, from)];
+            }
+        }
+        let size = matrix.ncols();
+        self.refitted(&self.judged(matrix), size)
+    }
+
+    /// Whether the last two of k eigenvalues are so close on either shape that their functions may
+    /// come mixed: then a reflection of the surface is no longer a change of one sign.
+    fn nearly_double(&self, k: usize) -> bool {
+        [self.target, self.source]
+            .iter()
+            .any(|s| s.basis.values[k - 1] < NEARLY_DOUBLE * s.basis.values[k - 2])
     }
 
     /// The same map with the columns turned that speak against its orientation: thin parts are

@@ -1,6 +1,6 @@
 //! A checked triangle mesh: the clean part of what was given, at unit area.
 
-use std::collections::HashMap;
+use std::collections::HashSet;
 
 use crate::error::{Error, Result};
 use crate::vector::{self, Point};
@@ -338,7 +338,7 @@ fn checked_faces(
         .map(|p| [0, 1, 2].map(|i| p[i] / unit - origin[i] / unit))
         .collect();
 
-    let mut seen = HashMap::with_capacity(faces.len());
+    let mut seen = HashSet::with_capacity(faces.len());
     let mut kept = Vec::with_capacity(faces.len());
     for (id, corners) in faces.iter().enumerate() {
         let face = corners.map(|v| v as u32);
@@ -357,7 +357,7 @@ fn checked_faces(
         }
         let mut key = face;
         key.sort_unstable();
-        if seen.insert(key, ()).is_some() {
+        if !seen.insert(key) {
             report.duplicate_faces += 1;
             continue;
         }

@@ -131,7 +131,7 @@ fn scored(
         .map(|c| {
             report(0.2)?;
             let matrix = upsampling::upsampled(target, source, c)?;
-            score(target, source, matrix, c.energy, mirror, landmarks)
+            Ok(score(target, source, matrix, c.energy, mirror, landmarks))
         })
         .collect()
 }
@@ -144,7 +144,7 @@ fn score(
     energy: f64,
     mirror: Mirror,
     landmarks: &[(u32, u32)],
-) -> Result<Scored> {
+) -> Scored {
     let k = matrix.ncols();
     let asking = |s: &Shape| s.farthest[..JUDGED.min(s.farthest.len())].to_vec();
     let (ask_t, ask_s) = (asking(target), asking(source));
@@ -176,13 +176,13 @@ fn score(
     let norm: f64 = values_t[..k].iter().map(|l| l * l).sum();
     let ell = (commutator / norm).sqrt();
     let missed = missed_landmarks(source, &rows_t, &rows_s, landmarks);
-    Ok(Scored {
+    Scored {
         matrix,
         score: energy * distortion * (1.2 - o) * ell * (1.0 + missed),
         orientation: o,
         distortion,
         images,
-    })
+    }
 }
 
 /// Orientation of a map over pairs of vertices.

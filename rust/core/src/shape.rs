@@ -149,7 +149,7 @@ impl Shape {
         const SCATTER: u64 = 2_654_435_769;
         let n = self.mesh.surface_vertices as u64;
         let more = count.saturating_sub(self.farthest.len()) as u64;
-        let scattered = (0..more).map(|i| ((i * SCATTER) % (1 << 32) * n >> 32) as u32);
+        let scattered = (0..more).map(|i| (((i * SCATTER) % (1 << 32) * n) >> 32) as u32);
         let mut drawn: Vec<u32> = self.farthest.iter().copied().chain(scattered).collect();
         drawn.truncate(count);
         drawn

@@ -30,7 +30,7 @@ impl Default for Weights {
 ///
 /// Shape 1 is the target, 2 the source; C `(k, k)` takes coefficients on 1 to coefficients on 2.
 /// Mass is preserved when C takes the constant's coefficients to the constant's and Cᵀ back; with
-/// ΦᵀAΦ = I, the constant first and unit area these are e₁ on both shapes, so that the constraint
+/// `ΦᵀAΦ` = I, the constant first and unit area these are e₁ on both shapes, so that the constraint
 /// fixes the first row and column of C to e₁ and leaves `(k − 1)²` unknowns.
 ///
 /// # Source

@@ -1,4 +1,8 @@
 //! Thin Python binding: arrays in, one call, arrays out. The package `sgmds` wraps it.
+#![expect(
+    clippy::needless_pass_by_value,
+    reason = "arguments of Python functions are extracted by value"
+)]
 
 mod errors;
 mod watched;

@@ -65,7 +65,7 @@ pub struct Side<'a> {
     neighbours: Adjacency,
     /// Images of the asking vertices on the other shape.
     pub images: Images,
-    /// ΦᵀA V, `(K, 3)`.
+    /// `ΦᵀA` V, `(K, 3)`.
     coordinates: Mat<f64>,
     /// Low-passed surface, before any deformation.
     pub smoothed: Mat<f64>,
@@ -207,7 +207,7 @@ impl<'a> Refined<'a> {
                     (&state.target.rows, &state.target.neighbours),
                     source,
                     &state.source.rows,
-                )
+                );
             },
             || {
                 first_images(
@@ -217,7 +217,7 @@ impl<'a> Refined<'a> {
                     (&state.source.rows, &state.source.neighbours),
                     target,
                     &state.target.rows,
-                )
+                );
             },
         );
         state

@@ -1,7 +1,7 @@
 //! Spectral upsampling: more eigenfunctions at each step, fitted in both directions.
 //!
 //! # Source
-//! Melzi et al., "ZoomOut", 2019, made bijective by least squares over both point maps.
+//! Melzi et al., "`ZoomOut`", 2019, made bijective by least squares over both point maps.
 
 use faer::Mat;
 
