@@ -101,10 +101,10 @@ fn sphere_against_great_circles() {
 
 #[test]
 fn flat_grids_have_straight_lines() {
-    // Flat and convex: the update is exact, so what is left is single precision, the crossing slack
-    // and the least gain for which a passed vertex is opened again (1e-4 of an edge, a few times
-    // along a path).
-    for shear in [0.0, -0.5, 0.7, 1.5] {
+    // Flat and convex: 2e-4 holds for all but the shear of 0.7 (crossing slack, single precision,
+    // least gain for opening a passed vertex again). There a border vertex taken for a bend mixes
+    // two circles, which costs some parts in a thousand.
+    for (shear, tolerance) in [(0.0, 2e-4), (-0.5, 2e-4), (0.7, 1e-2), (1.5, 2e-4)] {
         let (vertices, faces) = grid(21, shear);
         let mesh = Mesh::new(&vertices, &faces, false).unwrap();
         let marching = FastMarching::new(&mesh);
@@ -114,7 +114,7 @@ fn flat_grids_have_straight_lines() {
                 let truth = vector::distance(vertices[source], p);
                 let found = f64::from(distances[(v, 0)]) * mesh.scale;
                 assert!(
-                    (found - truth).abs() <= 1e-2 * truth,
+                    (found - truth).abs() <= tolerance * truth,
                     "shear {shear}, {source} to {v}: {found} for {truth}"
                 );
             }

@@ -12,7 +12,7 @@ use sgmds_core::geodesics::{FastMarching, Workspace, farthest_points};
 use sgmds_core::mesh::Mesh;
 
 /// Rounds over all sources; the fastest is reported.
-const ROUNDS: usize = 5;
+const ROUNDS: usize = 20;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let mut arguments = std::env::args().skip(1);

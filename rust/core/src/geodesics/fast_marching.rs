@@ -1,5 +1,6 @@
 //! Fast marching with circular wavefronts.
 
+use super::front_queue::FrontQueue;
 use crate::mesh::Mesh;
 use crate::vector::{self, Point};
 
@@ -83,13 +84,15 @@ pub struct FastMarching {
     corners: Vec<Corner>,
     /// Whether shortest paths can bend at a vertex: saddles and boundary vertices, `(n)`.
     bends: Vec<bool>,
+    /// Mean edge length, an edge counted once a face.
+    mean_edge: f32,
 }
 
 /// Memory of one march, kept from source to source; one for each thread.
 #[derive(Debug, Clone)]
 pub struct Workspace {
     front: Vec<Front>,
-    heap: Heap,
+    queue: FrontQueue,
     touched: Vec<u32>,
     lowered: Vec<u32>,
 }
@@ -101,7 +104,7 @@ impl Workspace {
         let n = marching.vertex_count();
         Self {
             front: vec![FAR; n],
-            heap: Heap::default(),
+            queue: FrontQueue::new(marching.mean_edge),
             touched: Vec::with_capacity(n),
             lowered: Vec::new(),
         }
@@ -120,7 +123,7 @@ impl Workspace {
             self.front[v as usize] = FAR;
         }
         self.touched.clear();
-        self.heap.keys.clear();
+        self.queue.clear();
     }
 }
 
@@ -166,10 +169,13 @@ impl FastMarching {
             bends[run[0].0 as usize] = true;
             bends[run[0].1 as usize] = true;
         }
+        let total: f64 = corners.iter().map(|c: &Corner| f64::from(c.ab)).sum();
+        let mean_edge = (total / corners.len().max(1) as f64) as f32;
         Self {
             starts,
             corners,
             bends,
+            mean_edge,
         }
     }
 
@@ -237,21 +243,23 @@ impl FastMarching {
                 }
                 front.distance = seed.distance;
                 front.offset = seed.offset;
-                workspace.heap.push(seed.distance, seed.vertex);
+                workspace.queue.push(seed.distance, seed.vertex);
             }
         }
-        while let Some((distance, a)) = workspace.heap.pop() {
-            let from = workspace.front[a as usize];
-            // An older, larger entry of a vertex that was lowered since.
-            if distance.to_bits() != from.distance.to_bits() {
-                continue;
-            }
-            self.step(a, from, workspace, &limit);
+        // An entry is out of date when its vertex was lowered since.
+        while let Some(a) = {
+            let front = &workspace.front;
+            let valid =
+                |distance: f32, v: u32| front[v as usize].distance.to_bits() == distance.to_bits();
+            workspace.queue.pop(valid)
+        } {
+            self.step(a, workspace, &limit);
         }
     }
 
     /// Passes vertex `a` and lowers its neighbours.
-    fn step(&self, a: u32, from: Front, workspace: &mut Workspace, limit: &impl Fn(u32) -> f32) {
+    fn step(&self, a: u32, workspace: &mut Workspace, limit: &impl Fn(u32) -> f32) {
+        let from = workspace.front[a as usize];
         workspace.front[a as usize].passed = true;
         let edge_offset = if self.bends[a as usize] {
             from.distance
@@ -262,24 +270,28 @@ impl FastMarching {
         for corner in &self.corners[row] {
             let b = workspace.front[corner.b as usize];
             let c = workspace.front[corner.c as usize];
-            let mut to_b = (from.distance + corner.ab, edge_offset);
-            let mut to_c = (from.distance + corner.ac, edge_offset);
-            // A vertex passed earlier can only gain when its angle is obtuse.
+            // A vertex passed earlier can only gain across an edge, when its angle is obtuse.
             let b_open = !b.passed || corner.ac * corner.cos > corner.ab;
             let c_open = !c.passed || corner.ab * corner.cos > corner.ac;
-            if b.passed && c_open {
-                across(from, b, corner.ab, corner.ac, corner, &mut to_c);
+            if b_open {
+                let mut best = (from.distance + corner.ab, edge_offset);
+                if c.passed {
+                    across(from, c, corner.ac, corner.ab, corner, &mut best);
+                }
+                workspace.lower(corner.b, b, best, corner.ab, limit);
             }
-            if c.passed && b_open {
-                across(from, c, corner.ac, corner.ab, corner, &mut to_b);
+            if c_open {
+                let mut best = (from.distance + corner.ac, edge_offset);
+                if b.passed {
+                    across(from, b, corner.ab, corner.ac, corner, &mut best);
+                }
+                workspace.lower(corner.c, c, best, corner.ac, limit);
             }
-            workspace.lower(corner.b, b, to_b, corner.ab, limit);
-            workspace.lower(corner.c, c, to_c, corner.ac, limit);
         }
         for &v in &workspace.lowered {
             let front = &mut workspace.front[v as usize];
             front.lowered = false;
-            workspace.heap.push(front.distance, v);
+            workspace.queue.push(front.distance, v);
         }
         workspace.lowered.clear();
     }
@@ -396,69 +408,6 @@ impl Seed {
             offset,
         })
     }
-}
-
-/// Smallest distance first, then smallest vertex id.
-#[derive(Debug, Clone, Default)]
-struct Heap {
-    /// Bits of the distance (ordered like non-negative floats) above the vertex id.
-    keys: Vec<u64>,
-}
-
-/// Children of a node of the heap: a shallower tree than two, and siblings share a cache line.
-const BRANCHES: usize = 4;
-
-impl Heap {
-    #[inline]
-    fn push(&mut self, distance: f32, vertex: u32) {
-        let key = u64::from(distance.to_bits()) << 32 | u64::from(vertex);
-        let mut at = self.keys.len();
-        self.keys.push(key);
-        while at > 0 {
-            let parent = (at - 1) / BRANCHES;
-            if self.keys[parent] <= key {
-                break;
-            }
-            self.keys[at] = self.keys[parent];
-            at = parent;
-        }
-        self.keys[at] = key;
-    }
-
-    #[inline]
-    fn pop(&mut self) -> Option<(f32, u32)> {
-        let last = self.keys.pop()?;
-        let Some(&top) = self.keys.first() else {
-            return Some(unpacked(last));
-        };
-        let keys = self.keys.as_mut_slice();
-        let mut at = 0;
-        loop {
-            let first = at * BRANCHES + 1;
-            if first >= keys.len() {
-                break;
-            }
-            let end = (first + BRANCHES).min(keys.len());
-            let mut least = first;
-            for child in first + 1..end {
-                if keys[child] < keys[least] {
-                    least = child;
-                }
-            }
-            if keys[least] >= last {
-                break;
-            }
-            keys[at] = keys[least];
-            at = least;
-        }
-        keys[at] = last;
-        Some(unpacked(top))
-    }
-}
-
-#[inline]
-fn unpacked(key: u64) -> (f32, u32) {
-    (f32::from_bits((key >> 32) as u32), key as u32)
 }
 
 #[cfg(test)]

@@ -1,10 +1,11 @@
 //! Geodesic distances from vertices or points, and samples spread evenly by them.
 //!
 //! All distances are in the unit of the mesh's coordinates (unit-area lengths for a [`Mesh`]), and
-//! in single precision: their discretisation error is orders of magnitude above its rounding.
+//! in single precision: their discretisation error is far above its rounding.
 
 mod farthest_points;
 mod fast_marching;
+mod front_queue;
 
 pub use farthest_points::farthest_points;
 pub use fast_marching::{FastMarching, Seed, Workspace};
