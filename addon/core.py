@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The compiled core, imported at first use so that a broken one costs a message and not the add-on."""
+
+import importlib
+
+
+class CoreMissing(Exception):
+    """The core cannot be imported; the text says why and what to do."""
+
+
+def load():
+    """Return the `sgmds` module; raises `CoreMissing` where it cannot be imported."""
+    try:
+        return importlib.import_module("sgmds")
+    except ImportError as reason:
+        raise CoreMissing(
+            f"The computing core of Spectral Match does not load here ({reason}). "
+            "Install the zip made for this operating system and restart Blender"
+        ) from reason
