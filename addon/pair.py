@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Who is the source and who are the targets: the selection, or the two objects pinned in the panel."""
+
+from dataclasses import dataclass, field
+
+import bpy
+
+
+@dataclass(frozen=True)
+class Pair:
+    """`source` and `targets`, and in `missing` what to do when they are not complete."""
+
+    source: bpy.types.Object | None
+    targets: list = field(default_factory=list)
+    missing: str = ""
+
+
+def resolve(context):
+    """The objects that the next match is about."""
+    settings = context.scene.spectral_match
+    if settings.pinned:
+        return _of(settings.source, [settings.target] if settings.target else [])
+    active = context.view_layer.objects.active
+    if active is None or active.type != "MESH":
+        return Pair(None, [], "Select the target, then Shift-click the source: two meshes")
+    others = [obj for obj in context.view_layer.objects.selected if obj is not active and obj.type == "MESH"]
+    if not others:
+        # A matched target alone still means the pair it was matched in.
+        stored = active.data.spectral_match
+        if is_there(stored.source):
+            return _of(stored.source, [active])
+        return Pair(active, [], f"Add a target: select it first, then Shift-click '{active.name}'")
+    return _of(active, others)
+
+
+def _of(source, targets):
+    if not is_there(source):
+        return Pair(None, targets, "Choose a source: the mesh that has the data")
+    targets = [obj for obj in targets if is_there(obj) and obj is not source]
+    if not targets:
+        return Pair(source, [], "Choose a target: another mesh, which receives the data")
+    if all(obj.data is source.data for obj in targets):
+        return Pair(source, targets, "Source and target share one mesh, so they have the same data already")
+    return Pair(source, targets)
+
+
+def is_there(obj):
+    """False for None and for an object that was deleted and is only kept by a reference to it."""
+    return obj is not None and bool(obj.users_scene)

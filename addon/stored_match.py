@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The match that a target mesh carries: is it still true, and which other maps were found in this session."""
+
+from dataclasses import dataclass
+
+import bpy
+from bpy.app.handlers import persistent
+
+from . import mesh_read, pair
+from .mesh_read import Fingerprint, UnusableObject
+
+MATCHED = "MATCHED"
+MOVED = "MOVED"
+STALE = "STALE"
+LOST = "LOST"
+NONE = "NONE"
+
+
+@dataclass(frozen=True)
+class State:
+    """`code` is one of the names above; `words` say what happened and what to do, empty when all is well."""
+
+    code: str
+    words: str = ""
+
+    @property
+    def usable(self):
+        return self.code in (MATCHED, MOVED)
+
+
+@dataclass
+class SessionMaps:
+    """All maps found for one target mesh, best first; kept in memory until another file is opened."""
+
+    source: object
+    target: object
+    maps: list
+
+
+# By the target mesh's session id.
+maps_of_mesh: dict[int, SessionMaps] = {}
+# Fingerprints by mesh session id, dropped when the dependency graph says that the mesh changed.
+_fingerprints: dict[int, Fingerprint] = {}
+
+
+def forget_fingerprint(mesh):
+    _fingerprints.pop(mesh.session_uid, None)
+
+
+def current_fingerprint(mesh):
+    known = _fingerprints.get(mesh.session_uid)
+    if known is None:
+        known = _fingerprints[mesh.session_uid] = mesh_read.fingerprint(mesh)
+    return known
+
+
+def state(target):
+    """Whether the match stored on `target` still belongs to the two meshes as they are."""
+    stored = target.data.spectral_match
+    if not stored.target_fingerprint:
+        return State(NONE)
+    if not pair.is_there(stored.source) or stored.source.type != "MESH":
+        return State(LOST, f"The source '{stored.source_name}' is gone. Match again with another one")
+    if "match_face" not in target.data.attributes or "match_barycentric" not in target.data.attributes:
+        if not target.data.is_editmode:
+            return State(STALE, f"The match of '{target.name}' was removed from its attributes. Match again")
+    verdicts = [
+        (obj.name, Fingerprint.parse(kept), current_fingerprint(obj.data))
+        for obj, kept in ((stored.source, stored.source_fingerprint), (target, stored.target_fingerprint))
+    ]
+    for name, kept, now in verdicts:
+        if kept.topology != now.topology:
+            return State(STALE, f"'{name}' got other vertices or faces since the match. Match again")
+    for name, kept, now in verdicts:
+        if kept.shape != now.shape:
+            return State(MOVED, f"Vertices of '{name}' moved since the match. It is still used; match again to refresh it")
+    return State(MATCHED)
+
+
+def require(target):
+    """The stored match of `target`; raises `UnusableObject` when there is none that can be used."""
+    now = state(target)
+    if now.code == NONE:
+        raise UnusableObject(f"'{target.name}' has no match yet. Press Match first")
+    if not now.usable:
+        raise UnusableObject(now.words)
+    return target.data.spectral_match
+
+
+@persistent
+def _forget_changed(_scene, depsgraph):
+    for update in depsgraph.updates:
+        if update.is_updated_geometry and isinstance(update.id, bpy.types.Mesh):
+            _fingerprints.pop(update.id.original.session_uid, None)
+        elif update.is_updated_geometry and isinstance(update.id, bpy.types.Object) and update.id.type == "MESH":
+            _fingerprints.pop(update.id.original.data.session_uid, None)
+
+
+@persistent
+def _forget_undone(_scene, _unused=None):
+    _fingerprints.clear()
+
+
+@persistent
+def _forget_file(_path, _unused=None):
+    maps_of_mesh.clear()
+    _fingerprints.clear()
+
+
+_HANDLERS = (
+    ("depsgraph_update_post", _forget_changed),
+    ("undo_post", _forget_undone),
+    ("redo_post", _forget_undone),
+    ("load_pre", _forget_file),
+)
+
+
+def register():
+    for moment, handler in _HANDLERS:
+        getattr(bpy.app.handlers, moment).append(handler)
+
+
+def unregister():
+    for moment, handler in reversed(_HANDLERS):
+        getattr(bpy.app.handlers, moment).remove(handler)
+    maps_of_mesh.clear()
+    _fingerprints.clear()
