@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Turn arrays into attributes of a mesh, and a finished match into the attributes that artists use."""
+
+from contextlib import contextmanager
+
+import bpy
+import numpy as np
+
+from . import palette
+from .mesh_read import UnusableObject
+
+# Attribute type → (name of the value in foreach_set, numbers an element, number type).
+VALUE_LAYOUT = {
+    "FLOAT": ("value", 1, np.float32),
+    "INT": ("value", 1, np.int32),
+    "INT8": ("value", 1, np.int8),
+    "BOOLEAN": ("value", 1, np.bool_),
+    "FLOAT2": ("vector", 2, np.float32),
+    "FLOAT_VECTOR": ("vector", 3, np.float32),
+    "FLOAT_COLOR": ("color", 4, np.float32),
+    "BYTE_COLOR": ("color", 4, np.float32),
+    "INT16_2D": ("value", 2, np.int16),
+    "INT32_2D": ("value", 2, np.int32),
+    "QUATERNION": ("value", 4, np.float32),
+}
+
+
+def read_attribute(attribute):
+    """Values of an attribute: (elements,) or (elements, numbers). Colours are linear in both colour types."""
+    name, numbers, kind = VALUE_LAYOUT[attribute.data_type]
+    values = np.empty(len(attribute.data) * numbers, kind)
+    attribute.data.foreach_get(name, values)
+    return values if numbers == 1 else values.reshape(-1, numbers)
+
+
+def write_attribute(mesh, name, data_type, domain, values):
+    """Create or overwrite the attribute `name`; one of another type or domain is replaced."""
+    attribute = mesh.attributes.get(name)
+    if attribute is not None and (attribute.data_type, attribute.domain) != (data_type, domain):
+        if attribute.is_required:
+            raise UnusableObject(f"'{name}' is a built-in attribute of '{mesh.name}' and cannot be replaced")
+        mesh.attributes.remove(attribute)
+        attribute = None
+    if attribute is None:
+        attribute = mesh.attributes.new(name, data_type, domain)
+    if attribute is None or attribute.name != name:
+        raise UnusableObject(f"'{mesh.name}' has a vertex group named '{name}'. Rename it and try again")
+    value_name, _, kind = VALUE_LAYOUT[data_type]
+    attribute.data.foreach_set(value_name, np.ascontiguousarray(values, kind).ravel())
+
+
+@contextmanager
+def object_mode(context, objects):
+    """Attributes can be written in object mode only: leave edit and sculpt mode, and return to it afterwards."""
+    left = []
+    for obj in objects:
+        if obj.mode in {"EDIT", "SCULPT"}:
+            left.append((obj, obj.mode))
+            _set_mode(context, obj, "OBJECT")
+    try:
+        yield
+    finally:
+        for obj, mode in left:
+            _set_mode(context, obj, mode)
+
+
+def _set_mode(context, obj, mode):
+    # The operator works on all objects being edited together, so one may be there already.
+    if obj.mode == mode:
+        return
+    with context.temp_override(object=obj, active_object=obj, selected_objects=[obj]):
+        bpy.ops.object.mode_set(mode=mode)
+    if obj.mode != mode:
+        raise UnusableObject(f"'{obj.name}' did not change to {mode.title()} Mode. Change it by hand and try again")
+
+
+def image_points(points, triangles, faces, barycentric):
+    """Points in triangles: `points` (n, c) of the vertices, one row for each entry of `faces`."""
+    return np.einsum("ij,ijc->ic", barycentric, points[triangles[faces]])
+
+
+def write_match(source, target, source_surface, target_surface, found):
+    """Write one correspondence as attributes: colours on both meshes, the map itself on the target."""
+    faces = np.asarray(found.faces, np.int64)
+    barycentric = source_surface.from_outward(np.asarray(found.barycentric, np.float64))
+    colours = palette.surface_colours(source_surface.local)
+    carried = image_points(colours, source_surface.triangles, faces, barycentric)
+    position = image_points(source_surface.local, source_surface.triangles, faces, barycentric)
+    mesh = target.data
+    write_attribute(mesh, "match_color", "FLOAT_COLOR", "POINT", carried)
+    write_attribute(mesh, "match_position", "FLOAT_VECTOR", "POINT", position)
+    write_attribute(mesh, "match_face", "INT", "POINT", faces)
+    write_attribute(mesh, "match_barycentric", "FLOAT_VECTOR", "POINT", barycentric)
+    write_attribute(mesh, "match_confidence", "FLOAT", "POINT", found.confidence)
+    if HEAT in mesh.attributes:
+        write_heat(mesh)
+    mesh.update()
+    if source.data.is_editable:
+        write_attribute(source.data, "match_color", "FLOAT_COLOR", "POINT", colours)
+        source.data.update()
+    _remember(source, mesh, source_surface, target_surface, found)
+
+
+HEAT = "match_heat"
+
+
+def write_heat(mesh):
+    """Confidence as colours, beside the plain number."""
+    confidence = read_attribute(mesh.attributes["match_confidence"])
+    write_attribute(mesh, HEAT, "FLOAT_COLOR", "POINT", palette.heat_colours(confidence))
+
+
+def _remember(source, mesh, source_surface, target_surface, found):
+    stored = mesh.spectral_match
+    stored.source = source
+    stored.source_name = source.name
+    stored.source_fingerprint = str(source_surface.fingerprint)
+    stored.target_fingerprint = str(target_surface.fingerprint)
+    stored.grade = found.quality.grade
+    stored.reasons = "\n".join(found.quality.reasons)
+    stored.mean_confidence = float(np.mean(found.confidence)) if len(found.confidence) else 0.0

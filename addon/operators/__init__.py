@@ -1,0 +1,6 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The operators, a file for each step of the workflow."""
+
+from . import carry, fix, match, show
+
+CLASSES = (*match.CLASSES, *fix.CLASSES, *carry.CLASSES, *show.CLASSES)
