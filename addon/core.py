@@ -17,3 +17,10 @@ def load():
             f"The computing core of Spectral Match does not load here ({reason}). "
             "Install the zip made for this operating system and restart Blender"
         ) from reason
+
+
+def explain(error):
+    """Words for an exception out of a match: the core's own are written for people, others name their kind."""
+    if isinstance(error, CoreMissing) or isinstance(error, load().SgmdsError):
+        return str(error)
+    return f"The match stopped with an unexpected error ({type(error).__name__}: {error}). Please report it"

@@ -5,9 +5,8 @@ import bpy
 from bpy.props import BoolProperty
 from bpy.types import Operator
 
+from .. import core, mesh_read, mesh_write, pair, preferences, stored_match
 from .. import job as job_module
-from .. import mesh_read, mesh_write, pair, preferences, stored_match
-from ..core import CoreMissing
 from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObject
 from ..transfer import carry_all
@@ -94,7 +93,6 @@ def _check_unchanged(obj, surface):
 class MatchOperator:
     """What the operators that start a job share; a subclass says which objects in `objects`."""
 
-    swap_sides = False
     then_transfer = False
     _timer = None
     _job = None
@@ -113,6 +111,9 @@ class MatchOperator:
     def objects(self, context):
         found = pair.resolve(context)
         return found.source, found.targets
+
+    def wants_swapped_sides(self, _context):
+        return False
 
     def execute(self, context):
         job = self._prepare(context)
@@ -158,7 +159,7 @@ class MatchOperator:
 
     def _prepare(self, context):
         try:
-            return make_job(context, *self.objects(context), swap_sides=self.swap_sides)
+            return make_job(context, *self.objects(context), swap_sides=self.wants_swapped_sides(context))
         except UnusableObject as reason:
             self.report({"ERROR"}, str(reason))
             return None
@@ -181,7 +182,7 @@ class MatchOperator:
             self.report({"INFO"}, "Match cancelled; nothing was changed")
             return {"CANCELLED"}
         if job.error is not None:
-            self.report({"ERROR"}, explain(job.error))
+            self.report({"ERROR"}, core.explain(job.error))
             return {"CANCELLED"}
         try:
             stored, trouble = store(context, job)
@@ -210,13 +211,6 @@ def summary(targets):
     )
 
 
-def explain(error):
-    """Words for an exception out of the job: the core's own are written for people, others name their kind."""
-    if isinstance(error, CoreMissing) or type(error).__module__.partition(".")[0] == "sgmds":
-        return str(error)
-    return f"The match stopped with an unexpected error ({type(error).__name__}: {error}). Please report it"
-
-
 class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
     """Find for every vertex of the targets the point of the source that it corresponds to"""
 
@@ -229,6 +223,9 @@ class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
         description="Look for the map that exchanges left and right",
         options={"SKIP_SAVE"},
     )
+
+    def wants_swapped_sides(self, _context):
+        return self.swap_sides
 
 
 class SPECTRAL_MATCH_OT_batch(MatchOperator, Operator):

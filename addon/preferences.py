@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings of the user, not of a file."""
+
+import bpy
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+from bpy.types import AddonPreferences
+
+
+class SPECTRAL_MATCH_preferences(AddonPreferences):
+    bl_idname = __package__
+
+    threads: IntProperty(
+        name="Threads",
+        default=0,
+        min=0,
+        soft_max=64,
+        description="Processor threads that a match may use; 0 takes all of them. The result does not depend on it",
+    )
+    show_after_match: EnumProperty(
+        name="After a Match",
+        items=(
+            ("COLOURS", "Show Colors", "Color both meshes so that matching points have the same color"),
+            ("CONFIDENCE", "Show Confidence", "Color the targets by how sure the match is"),
+            ("NOTHING", "Leave the View", "Do not touch the viewport"),
+        ),
+        default="COLOURS",
+        description="What the viewport shows when a match is done",
+    )
+    keep_shapes: BoolProperty(
+        name="Keep Prepared Shapes",
+        default=False,
+        description="Save each shape's preparation in the cache folder, so that matching it again is faster",
+    )
+    cache_folder: StringProperty(
+        name="Cache Folder",
+        subtype="DIR_PATH",
+        description="Where prepared shapes are kept. Empty: the add-on's folder among Blender's user files",
+    )
+
+    def draw(self, _context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.prop(self, "threads")
+        layout.prop(self, "show_after_match")
+        layout.prop(self, "keep_shapes")
+        folder = layout.column()
+        folder.active = self.keep_shapes
+        folder.prop(self, "cache_folder")
+
+
+class _Defaults:
+    """What holds when the add-on was registered without being enabled, as tests and scripts do."""
+
+    threads = 0
+    show_after_match = "COLOURS"
+    keep_shapes = False
+    cache_folder = ""
+
+
+def of(context):
+    addon = context.preferences.addons.get(__package__)
+    return addon.preferences if addon is not None and addon.preferences is not None else _Defaults
+
+
+def register():
+    bpy.utils.register_class(SPECTRAL_MATCH_preferences)
+
+
+def unregister():
+    bpy.utils.unregister_class(SPECTRAL_MATCH_preferences)
