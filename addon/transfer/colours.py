@@ -1,0 +1,48 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Colour attributes, point and corner domain, in linear colour."""
+
+import numpy as np
+
+from ..mesh_write import read_attribute, write_attribute
+
+OURS = "match_"
+
+
+def names(source):
+    return [layer.name for layer in source.data.color_attributes if not layer.name.startswith(OURS)]
+
+
+def carry(route, wanted, _settings):
+    source, target = route.source.data, route.target.data
+    for name in wanted:
+        layer = source.color_attributes[name]
+        values = read_attribute(layer)
+        carried = route.to_points(values) if layer.domain == "POINT" else carry_corners(route, values)
+        write_attribute(target, name, layer.data_type, layer.domain, np.clip(carried, 0.0, None))
+    active, shown = source.color_attributes.active_color, target.color_attributes.active_color
+    if active is not None and active.name in wanted and (shown is None or not shown.name.startswith(OURS)):
+        target.color_attributes.active_color = target.color_attributes[active.name]
+    render = source.color_attributes.render_color_index
+    if 0 <= render < len(source.color_attributes) and source.color_attributes[render].name in wanted:
+        target.color_attributes.render_color_index = target.color_attributes.find(source.color_attributes[render].name)
+    return []
+
+
+def carry_corners(route, values):
+    """Values at source corners → values at target corners; a border between colours stays as hard as it is."""
+    triangle = route.face[route.corner_vertex].astype(np.int64)
+    weights = route.barycentric[route.corner_vertex]
+    torn = np.flatnonzero(_torn_vertices(route, values)[route.triangles[triangle]].any(axis=1))
+    if len(torn):
+        triangle[torn], weights[torn] = route.inward_places(torn)
+    return np.einsum("qk,qkc->qc", weights, values[route.triangle_corners[triangle]])
+
+
+def _torn_vertices(route, values):
+    """Source vertices whose corners do not all have one value."""
+    vertex, corner_values = route.triangles.ravel(), values[route.triangle_corners.ravel()]
+    size = (len(route.source.data.vertices), values.shape[1])
+    low, high = np.full(size, np.inf), np.full(size, -np.inf)
+    np.minimum.at(low, vertex, corner_values)
+    np.maximum.at(high, vertex, corner_values)
+    return (high > low).any(axis=1)
