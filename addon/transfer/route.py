@@ -94,14 +94,16 @@ class Route:
         return self.nearest(self.face_centre)[0]
 
     def inward_places(self, corners):
-        """Places on the source of target corners moved a little into their face: triangle (q,), weights (q, 3).
+        """Places of target corners on their own face's side of a hard border: triangle (q,), weights (q, 3).
 
-        At a hard border the corner itself belongs to both sides; this tells the side that the face is on.
+        At the border a corner's image belongs to both sides. A point a little further into the face tells the side;
+        the weights are those of the image itself, held within that triangle.
         """
         centre = self.face_centre[self.corner_face[corners]]
-        points = centre + INWARD_SHARE * (self.image[self.corner_vertex[corners]] - centre)
-        triangle, place = self.nearest(points)
-        return triangle, np.clip(self.weights_at(triangle, place), 0.0, 1.0)
+        image = self.image[self.corner_vertex[corners]]
+        triangle, _ = self.nearest(centre + INWARD_SHARE * (image - centre))
+        weights = np.clip(self.weights_at(triangle, image), 0.0, None)
+        return triangle, weights / weights.sum(axis=1, keepdims=True)
 
 
 # How far from a face's centre to its corner a corner's own side is asked for: close to the corner, but safely inside.

@@ -5,10 +5,12 @@ import numpy as np
 
 from ..mesh_read import UnusableObject
 
-# Two places of one chart may be this many times farther apart in UV than their distance on the surface and the
-# chart's local scale allow; beyond, a seam lies between them. Chords are shorter than ways along the surface (up to
-# 1.6 times on half a turn), and a chart's scale varies within a face.
-SEAM_STRETCH = 2.5
+# Two places are on one side of every seam when the chart of each foretells the other's UV with an error of at most a
+# share of their distance (in UV, at the chart's local scale). Across a seam the error is far larger, except towards
+# its end, where its two sides meet. A face is suspected early, which costs only the walk below; on the walk curvature
+# must not look like a seam: it costs up to 0.36 on half a turn.
+SUSPECT_MISS = 0.12
+SEAM_MISS = 0.5
 # UV differences below this are rounding.
 UV_ROUNDING = 1e-5
 # Places asked for on the way from a face's centre to its corner, to learn on which side of a seam the corner is.
@@ -69,12 +71,16 @@ class Charts:
         offset = points - self.points[triangle, 0]
         return self.uv[triangle, 0] + np.einsum("qab,qb->qa", self.jacobian[triangle], offset)
 
-    def one_side(self, triangle, uv, points, other_triangle, other_uv, other_points):
+    def one_side(self, triangle, uv, points, other_triangle, other_uv, other_points, miss):
         """True where two places lie on one side of every seam."""
-        step = np.linalg.norm(other_uv - uv, axis=1)
+        step, way = other_uv - uv, other_points - points
+        misses = [
+            np.linalg.norm(step - np.einsum("qab,qb->qa", self.jacobian[start], way), axis=1)
+            for start in (triangle, other_triangle)
+        ]
         scale = np.maximum(self.scale[triangle], self.scale[other_triangle])
-        room = SEAM_STRETCH * scale * np.linalg.norm(other_points - points, axis=1) + UV_ROUNDING
-        return (self.island[triangle] == self.island[other_triangle]) & (step <= room)
+        room = miss * scale * np.linalg.norm(way, axis=1) + UV_ROUNDING
+        return (self.island[triangle] == self.island[other_triangle]) & (np.maximum(*misses) <= room)
 
 
 def carry_uv(route, uv):
@@ -85,7 +91,8 @@ def carry_uv(route, uv):
     point = route.image[vertex]
     carried = np.einsum("qk,qkc->qc", route.barycentric[vertex], charts.uv[triangle])
     following = route.next_corner
-    whole = charts.one_side(triangle, carried, point, triangle[following], carried[following], point[following])
+    ahead = (triangle[following], carried[following], point[following])
+    whole = charts.one_side(triangle, carried, point, *ahead, SUSPECT_MISS)
     straddling = np.unique(route.corner_face[~whole])
     if len(straddling):
         corners = np.flatnonzero(np.isin(route.corner_face, straddling))
@@ -107,7 +114,7 @@ def _from_one_side(route, charts, faces, corners):
         step_triangle, step_point = route.nearest(centre[place[on]] + share * (goal[on] - centre[place[on]]))
         step_uv = charts.at(step_triangle, step_point)
         same = charts.one_side(
-            last_triangle[on], last_uv[on], last_point[on], step_triangle, step_uv, step_point
+            last_triangle[on], last_uv[on], last_point[on], step_triangle, step_uv, step_point, SEAM_MISS
         )
         walking[on[~same]] = False
         on = on[same]
