@@ -3,8 +3,8 @@
 
 import bpy
 
-from . import operators, panels, preferences, properties, stored_match
 from . import job as job_module
+from . import operators, panels, preferences, properties, stored_match
 
 
 def register():

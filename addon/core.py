@@ -4,23 +4,23 @@
 import importlib
 
 
-class CoreMissing(Exception):
+class CoreMissingError(Exception):
     """The core cannot be imported; the text says why and what to do."""
 
 
 def load():
-    """Return the `sgmds` module; raises `CoreMissing` where it cannot be imported."""
+    """Return the `sgmds` module; raises `CoreMissingError` where it cannot be imported."""
     try:
         return importlib.import_module("sgmds")
     except ImportError as reason:
-        raise CoreMissing(
+        raise CoreMissingError(
             f"The computing core of Spectral Match does not load here ({reason}). "
             "Install the zip made for this operating system and restart Blender"
         ) from reason
 
 
 def explain(error):
-    """Words for an exception out of a match: the core's own are written for people, others name their kind."""
-    if isinstance(error, CoreMissing) or isinstance(error, load().SgmdsError):
+    """Words for an exception out of a match: the core's own are for people, others name their kind."""
+    if isinstance(error, CoreMissingError) or isinstance(error, load().SgmdsError):
         return str(error)
     return f"The match stopped with an unexpected error ({type(error).__name__}: {error}). Please report it"

@@ -32,9 +32,9 @@ class Matched:
 class MatchJob:
     """Match one source surface to several targets.
 
-    `run` works in the calling thread, `start` in one of its own; `stage`, `fraction` and `finished` may be read at
-    any time. After the end either `error` or `cancelled` is set, or `results` has one entry for each target.
-    `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex).
+    `run` works in the calling thread, `start` in one of its own; `stage`, `fraction` and `finished` may be
+    read at any time. After the end either `error` or `cancelled` is set, or `results` has one entry for each
+    target. `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex).
     """
 
     source: object
@@ -79,7 +79,7 @@ class MatchJob:
             self.finished = True
 
     def _match_all(self, sgmds):
-        cancelled = getattr(sgmds, "Cancelled")
+        cancelled = sgmds.Cancelled
         for target in self.targets:
             if self._stop.is_set():
                 self.cancelled = True
@@ -103,7 +103,8 @@ class MatchJob:
             self._done += 1
 
     def _source_vertices(self):
-        # Seen in a mirror but wound as before, the source answers only to the map that exchanges left and right.
+        # Seen in a mirror but wound as before, the source answers only to the map that exchanges left and
+        # right.
         return self.source.vertices * (-1.0, 1.0, 1.0) if self.options.swap_sides else self.source.vertices
 
     def _on_progress(self, stage, fraction):

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 
-class UnusableObject(Exception):
+class UnusableObjectError(Exception):
     """An object cannot take part; the text names it and says what to do."""
 
 
@@ -31,8 +31,8 @@ class Fingerprint:
 class Surface:
     """What the core needs of one object, and what it takes to find that object again.
 
-    `local` (n, 3) float32 are coordinates in object space, `vertices` (n, 3) float64 the same with the object's
-    rotation and scale applied, `triangles` (m, 3) int32 the mesh's `loop_triangles`.
+    `local` (n, 3) float32 are coordinates in object space, `vertices` (n, 3) float64 the same with the
+    object's rotation and scale applied, `triangles` (m, 3) int32 the mesh's `loop_triangles`.
     """
 
     name: str
@@ -55,25 +55,27 @@ class Surface:
 
 
 def check_usable(obj, *, as_target=False):
-    """Raise `UnusableObject` when `obj` can be neither read nor, as a target, written to."""
+    """Raise `UnusableObjectError` when `obj` can be neither read nor, as a target, written to."""
     if obj.type != "MESH":
-        raise UnusableObject(f"'{obj.name}' is not a mesh. Convert it to a mesh first")
+        raise UnusableObjectError(f"'{obj.name}' is not a mesh. Convert it to a mesh first")
     if as_target and not (obj.is_editable and obj.data.is_editable):
-        raise UnusableObject(
+        raise UnusableObjectError(
             f"'{obj.name}' is linked from another file and cannot be written to. "
             "Use Object > Relations > Make Local > Selected Objects and Data"
         )
     if as_target and (obj.override_library or obj.data.override_library):
-        raise UnusableObject(
+        raise UnusableObjectError(
             f"'{obj.name}' is a library override, which cannot store a match. "
             "Use Object > Relations > Make Local > Selected Objects and Data"
         )
     if obj.mode == "SCULPT" and obj.use_dynamic_topology_sculpting:
-        raise UnusableObject(f"'{obj.name}' is being sculpted with dynamic topology. Leave Sculpt Mode first")
+        raise UnusableObjectError(
+            f"'{obj.name}' is being sculpted with dynamic topology. Leave Sculpt Mode first"
+        )
     if obj.mode == "EDIT":
         obj.update_from_editmode()
     if not obj.data.polygons:
-        raise UnusableObject(f"'{obj.name}' has no faces. Matching needs a surface")
+        raise UnusableObjectError(f"'{obj.name}' has no faces. Matching needs a surface")
 
 
 def positions(mesh):
@@ -139,7 +141,9 @@ def read_surface(context, obj, *, evaluated=False, as_target=False):
     local = _evaluated_positions(context, obj) if evaluated else positions(mesh)
     placed = np.array(obj.matrix_world, np.float64)[:3, :3]
     if abs(np.linalg.det(placed)) < SMALLEST_VOLUME_SCALE:
-        raise UnusableObject(f"'{obj.name}' is scaled to nothing along an axis. Give it a scale other than 0")
+        raise UnusableObjectError(
+            f"'{obj.name}' is scaled to nothing along an axis. Give it a scale other than 0"
+        )
     return Surface(
         name=obj.name,
         object_uid=obj.session_uid,
@@ -165,7 +169,7 @@ def _evaluated_positions(context, obj):
             corner_vertices(mesh), corner_vertices(obj.data)
         )
         if not same:
-            raise UnusableObject(
+            raise UnusableObjectError(
                 f"A modifier of '{obj.name}' changes its vertices ({len(obj.data.vertices)} modelled, "
                 f"{len(mesh.vertices)} shown), so a match could not be stored. Apply or switch off that "
                 "modifier, or set Shape to Original"

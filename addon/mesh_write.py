@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from . import palette
-from .mesh_read import UnusableObject
+from .mesh_read import UnusableObjectError
 
 # Attribute type → (name of the value in foreach_set, numbers an element, number type).
 VALUE_LAYOUT = {
@@ -38,20 +38,22 @@ def write_attribute(mesh, name, data_type, domain, values):
     attribute = mesh.attributes.get(name)
     if attribute is not None and (attribute.data_type, attribute.domain) != (data_type, domain):
         if attribute.is_required:
-            raise UnusableObject(f"'{name}' is a built-in attribute of '{mesh.name}' and cannot be replaced")
+            raise UnusableObjectError(
+                f"'{name}' is a built-in attribute of '{mesh.name}' and cannot be replaced"
+            )
         mesh.attributes.remove(attribute)
         attribute = None
     if attribute is None:
         attribute = mesh.attributes.new(name, data_type, domain)
     if attribute is None or attribute.name != name:
-        raise UnusableObject(f"'{mesh.name}' has a vertex group named '{name}'. Rename it and try again")
+        raise UnusableObjectError(f"'{mesh.name}' has a vertex group named '{name}'. Rename it and try again")
     value_name, _, kind = VALUE_LAYOUT[data_type]
     attribute.data.foreach_set(value_name, np.ascontiguousarray(values, kind).ravel())
 
 
 @contextmanager
 def object_mode(context, objects):
-    """Attributes can be written in object mode only: leave edit and sculpt mode, and return to it afterwards."""
+    """Attributes are written in object mode: leave edit or sculpt mode, and return afterwards."""
     left = []
     for obj in objects:
         if obj.mode in {"EDIT", "SCULPT"}:
@@ -71,7 +73,9 @@ def _set_mode(context, obj, mode):
     with context.temp_override(object=obj, active_object=obj, selected_objects=[obj]):
         bpy.ops.object.mode_set(mode=mode)
     if obj.mode != mode:
-        raise UnusableObject(f"'{obj.name}' did not change to {mode.title()} Mode. Change it by hand and try again")
+        raise UnusableObjectError(
+            f"'{obj.name}' did not change to {mode.title()} Mode. Change it by hand and try again"
+        )
 
 
 def image_points(points, triangles, faces, barycentric):

@@ -1,11 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Colours that show a map: every point of a surface its own, and a heat map that colour-blind eyes can read."""
+"""Colours that show a map: one for every point, and a heat map for colour-blind eyes too."""
 
 import numpy as np
 
 # OKLab (Ottosson 2020): cone responses from lightness and opponent axes, and linear sRGB from cone responses.
 _CONES_FROM_LAB = np.array(
-    [[1.0, 0.3963377774, 0.2158037573], [1.0, -0.1055613458, -0.0638541728], [1.0, -0.0894841775, -1.2914855480]]
+    [
+        [1.0, 0.3963377774, 0.2158037573],
+        [1.0, -0.1055613458, -0.0638541728],
+        [1.0, -0.0894841775, -1.2914855480],
+    ]
 )
 _RGB_FROM_CONES = np.array(
     [
@@ -19,16 +23,18 @@ FIRST_HUE, LAST_HUE = np.radians(285.0), np.radians(-15.0)
 DARKEST, LIGHTEST = 0.50, 0.86
 DULLEST, STRONGEST = 0.08, 0.16
 
-# Certain to doubtful, linear sRGB: deep blue, grey, bright yellow. Lightness rises all the way, and blue to yellow
-# is the axis that red-green blindness leaves intact.
-HEAT_STOPS = np.array([[0.006, 0.032, 0.15], [0.07, 0.12, 0.25], [0.26, 0.25, 0.24], [0.72, 0.48, 0.10], [1.0, 0.84, 0.20]])
+# Certain to doubtful, linear sRGB: deep blue, grey, bright yellow. Lightness rises all the way, and blue to
+# yellow is the axis that red-green blindness leaves intact.
+HEAT_STOPS = np.array(
+    [[0.006, 0.032, 0.15], [0.07, 0.12, 0.25], [0.26, 0.25, 0.24], [0.72, 0.48, 0.10], [1.0, 0.84, 0.20]]
+)
 
 
 def surface_colours(points):
     """Smooth colouring of a surface, (n, 3) points to (n, 4) linear RGBA.
 
-    The longest side of the bounding box runs through the hues, the second through lightness, the shortest through
-    strength of colour, so that left differs from right, front from back and top from bottom.
+    The longest side of the bounding box runs through the hues, the second through lightness, the shortest
+    through strength of colour, so that left differs from right, front from back and top from bottom.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     extent = high - low
@@ -43,7 +49,7 @@ def surface_colours(points):
 
 
 def heat_colours(confidence):
-    """Confidence in [0, 1] to linear RGBA: quiet blue where the map is sure, bright yellow where it is not."""
+    """Confidence in [0, 1] to linear RGBA: blue where the map is sure, yellow where it is not."""
     doubt = 1.0 - np.clip(np.nan_to_num(confidence), 0.0, 1.0)
     stops = np.linspace(0.0, 1.0, len(HEAT_STOPS))
     return _opaque(np.stack([np.interp(doubt, stops, HEAT_STOPS[:, c]) for c in range(3)], axis=1))

@@ -138,7 +138,10 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
             if not now.usable:
                 draw_words(box, now.words, "ERROR")
                 continue
-            box.label(text=GRADE_WORDS.get(stored.grade, stored.grade), icon=GRADE_ICONS.get(stored.grade, "QUESTION"))
+            box.label(
+                text=GRADE_WORDS.get(stored.grade, stored.grade),
+                icon=GRADE_ICONS.get(stored.grade, "QUESTION"),
+            )
             box.progress(factor=stored.mean_confidence, text=f"Confidence {stored.mean_confidence:.0%}")
             for reason in stored.reasons.splitlines():
                 draw_words(box, reason, "DOT")
@@ -250,8 +253,10 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
     def draw(self, context):
         layout = self.layout
         count = len(pair.resolve(context).targets)
-        draw_words(layout, f"Match and transfer the checked data to all {count} selected targets" if count > 1 else
-                   "Select several targets to match and transfer to all of them at once")
+        if count > 1:
+            draw_words(layout, f"Match and transfer the checked data to all {count} selected targets")
+        else:
+            draw_words(layout, "Select several targets to match and transfer to all of them at once")
         layout.operator("spectral_match.batch", icon="DUPLICATE")
 
 

@@ -14,7 +14,7 @@ class SPECTRAL_MATCH_preferences(AddonPreferences):
         default=0,
         min=0,
         soft_max=64,
-        description="Processor threads that a match may use; 0 takes all of them. The result does not depend on it",
+        description="Processor threads a match may use; 0 takes all. The result does not depend on it",
     )
     show_after_match: EnumProperty(
         name="After a Match",

@@ -52,11 +52,14 @@ class SPECTRAL_MATCH_PG_settings(PropertyGroup):
 
     pinned: BoolProperty(
         name="Pin",
-        description="Keep these two objects whatever is selected. Off: the active object is the source and the "
+        description="Keep these two objects whatever is selected. Else the active object is the source and the "
         "other selected meshes are the targets",
     )
     source: PointerProperty(
-        name="Source", type=Object, poll=_is_mesh, description="The character that has the data to be carried over"
+        name="Source",
+        type=Object,
+        poll=_is_mesh,
+        description="The character that has the data to be carried over",
     )
     target: PointerProperty(
         name="Target", type=Object, poll=_is_mesh, description="The character that receives the data"
@@ -65,8 +68,12 @@ class SPECTRAL_MATCH_PG_settings(PropertyGroup):
         name="Shape",
         items=(
             ("ORIGINAL", "Original", "Match the meshes as modelled, without modifiers and shape keys"),
-            ("EVALUATED", "As Shown", "Match the meshes as modifiers and shape keys show them now. Modifiers that "
-             "add or remove vertices must be off"),
+            (
+                "EVALUATED",
+                "As Shown",
+                "Match the meshes as modifiers and shape keys show them now. Modifiers that "
+                "add or remove vertices must be off",
+            ),
         ),
         default="ORIGINAL",
         description="Which form of the meshes is compared",
@@ -84,8 +91,16 @@ class SPECTRAL_MATCH_PG_settings(PropertyGroup):
         name="Parts",
         items=(
             ("AUTO", "Find Out", "Decide from the shapes whether one is a part of the other"),
-            ("SOURCE", "Source Is a Part", "The source is a piece of the target, for example a bust against a whole body"),
-            ("TARGET", "Target Is a Part", "The target is a piece of the source, for example a hand against a whole body"),
+            (
+                "SOURCE",
+                "Source Is a Part",
+                "The source is a piece of the target, for example a bust against a whole body",
+            ),
+            (
+                "TARGET",
+                "Target Is a Part",
+                "The target is a piece of the source, for example a hand against a whole body",
+            ),
         ),
         default="AUTO",
         description="Say so when one of the two is only a piece of the other",
@@ -95,13 +110,23 @@ class SPECTRAL_MATCH_PG_settings(PropertyGroup):
         description="Also accept a match that turns left into right, as between a left and a right hand",
     )
 
-    use_groups: BoolProperty(name="Vertex Groups", default=True, description="Carry vertex groups and their weights")
-    use_uv: BoolProperty(name="UV Maps", default=True, description="Carry UV maps, cut where the source's seams fall")
+    use_groups: BoolProperty(
+        name="Vertex Groups", default=True, description="Carry vertex groups and their weights"
+    )
+    use_uv: BoolProperty(
+        name="UV Maps", default=True, description="Carry UV maps, cut where the source's seams fall"
+    )
     use_colours: BoolProperty(name="Color Attributes", default=True, description="Carry painted colors")
-    use_shape_keys: BoolProperty(name="Shape Keys", default=False, description="Carry shape keys, turned with the surface")
-    use_attributes: BoolProperty(name="Other Attributes", default=False, description="Carry every other attribute")
+    use_shape_keys: BoolProperty(
+        name="Shape Keys", default=False, description="Carry shape keys, turned with the surface"
+    )
+    use_attributes: BoolProperty(
+        name="Other Attributes", default=False, description="Carry every other attribute"
+    )
     use_materials: BoolProperty(
-        name="Materials", default=False, description="Give the target the source's material slots and faces their materials"
+        name="Materials",
+        default=False,
+        description="Give the target the source's material slots and faces their materials",
     )
     open_groups: BoolProperty(name="Show", description="List the vertex groups one by one")
     open_uv: BoolProperty(name="Show", description="List the UV maps one by one")
@@ -120,11 +145,16 @@ class SPECTRAL_MATCH_PG_settings(PropertyGroup):
     normalize: BoolProperty(
         name="Normalize",
         default=True,
-        description="After limiting, scale each vertex's weights back to the sum that came across: 1 where the "
+        description="After limiting, scale each vertex's weights back to the sum that came across: 1 if the "
         "source's weights sum to 1",
     )
     prune: FloatProperty(
-        name="Prune Below", default=0.001, min=0.0, max=0.5, precision=3, description="Drop weights smaller than this"
+        name="Prune Below",
+        default=0.001,
+        min=0.0,
+        max=0.5,
+        precision=3,
+        description="Drop weights smaller than this",
     )
 
     landmarks: CollectionProperty(type=SPECTRAL_MATCH_PG_landmark)

@@ -7,7 +7,7 @@ import bpy
 from bpy.app.handlers import persistent
 
 from . import mesh_read, pair
-from .mesh_read import Fingerprint, UnusableObject
+from .mesh_read import Fingerprint, UnusableObjectError
 
 MATCHED = "MATCHED"
 MOVED = "MOVED"
@@ -73,17 +73,20 @@ def state(target):
             return State(STALE, f"'{name}' got other vertices or faces since the match. Match again")
     for name, kept, now in verdicts:
         if kept.shape != now.shape:
-            return State(MOVED, f"Vertices of '{name}' moved since the match. It is still used; match again to refresh it")
+            return State(
+                MOVED,
+                f"Vertices of '{name}' moved since the match. It is still used; match again to refresh it",
+            )
     return State(MATCHED)
 
 
 def require(target):
-    """The stored match of `target`; raises `UnusableObject` when there is none that can be used."""
+    """The stored match of `target`; raises `UnusableObjectError` when there is none that can be used."""
     now = state(target)
     if now.code == NONE:
-        raise UnusableObject(f"'{target.name}' has no match yet. Press Match first")
+        raise UnusableObjectError(f"'{target.name}' has no match yet. Press Match first")
     if not now.usable:
-        raise UnusableObject(now.words)
+        raise UnusableObjectError(now.words)
     return target.data.spectral_match
 
 
@@ -92,7 +95,11 @@ def _forget_changed(_scene, depsgraph):
     for update in depsgraph.updates:
         if update.is_updated_geometry and isinstance(update.id, bpy.types.Mesh):
             _fingerprints.pop(update.id.original.session_uid, None)
-        elif update.is_updated_geometry and isinstance(update.id, bpy.types.Object) and update.id.type == "MESH":
+        elif (
+            update.is_updated_geometry
+            and isinstance(update.id, bpy.types.Object)
+            and update.id.type == "MESH"
+        ):
             _fingerprints.pop(update.id.original.data.session_uid, None)
 
 

@@ -4,9 +4,9 @@
 from bpy.props import StringProperty
 from bpy.types import Operator
 
-from .. import mesh_write, pair
 from .. import job as job_module
-from ..mesh_read import UnusableObject
+from .. import mesh_write, pair
+from ..mesh_read import UnusableObjectError
 from ..transfer import KINDS, carry_all
 
 
@@ -41,7 +41,9 @@ class SPECTRAL_MATCH_OT_transfer(Operator):
         unknown = set(wanted) - {kind.identifier for kind in KINDS}
         if unknown:
             known = ", ".join(kind.identifier for kind in KINDS)
-            self.report({"ERROR"}, f"There is no kind of data named {', '.join(sorted(unknown))}. There are: {known}")
+            self.report(
+                {"ERROR"}, f"There is no kind of data named {', '.join(sorted(unknown))}. There are: {known}"
+            )
             return {"CANCELLED"}
         notes, carried = [], 0
         for target in found.targets:
@@ -50,7 +52,7 @@ class SPECTRAL_MATCH_OT_transfer(Operator):
                 with mesh_write.object_mode(context, sources):
                     notes += carry_all(context, target, wanted or None)
                 carried += 1
-            except UnusableObject as reason:
+            except UnusableObjectError as reason:
                 notes.append(str(reason))
         for words in notes:
             self.report({"WARNING"} if carried else {"ERROR"}, words)

@@ -5,7 +5,7 @@ from bpy.props import IntProperty
 from bpy.types import Operator
 
 from .. import mesh_read, mesh_write, pair, stored_match
-from ..mesh_read import UnusableObject
+from ..mesh_read import UnusableObjectError
 from .match import MatchOperator
 
 
@@ -32,7 +32,10 @@ class SPECTRAL_MATCH_OT_swap_roles(Operator):
             return {"FINISHED"}
         for obj in (found.source, found.targets[0]):
             if obj.name not in context.view_layer.objects:
-                self.report({"ERROR"}, f"'{obj.name}' is not in this view layer. Pin both objects to choose them by name")
+                self.report(
+                    {"ERROR"},
+                    f"'{obj.name}' is not in this view layer. Pin both objects to choose them by name",
+                )
                 return {"CANCELLED"}
             obj.select_set(True)
         context.view_layer.objects.active = found.targets[0]
@@ -57,7 +60,7 @@ class SPECTRAL_MATCH_OT_pin(Operator):
 
 
 class SPECTRAL_MATCH_OT_alternative(Operator):
-    """Take the next of the maps that the match found. Useful when limbs are exchanged or front and back are"""
+    """Take the next of the maps that the match found. Useful when limbs, or front and back, are exchanged"""
 
     bl_idname = "spectral_match.alternative"
     bl_label = "Next Alternative"
@@ -87,13 +90,13 @@ class SPECTRAL_MATCH_OT_alternative(Operator):
             stored = stored_match.require(target)
             source = stored.source
             if mesh_read.fingerprint(source.data) != known.source.fingerprint:
-                raise UnusableObject(f"'{source.name}' was changed since the match. Match again")
+                raise UnusableObjectError(f"'{source.name}' was changed since the match. Match again")
             if mesh_read.fingerprint(target.data) != known.target.fingerprint:
-                raise UnusableObject(f"'{target.name}' was changed since the match. Match again")
+                raise UnusableObjectError(f"'{target.name}' was changed since the match. Match again")
             chosen = (stored.alternative + self.step) % len(known.maps)
             with mesh_write.object_mode(context, [source, target]):
                 mesh_write.write_match(source, target, known.source, known.target, known.maps[chosen])
-        except UnusableObject as reason:
+        except UnusableObjectError as reason:
             self.report({"ERROR"}, str(reason))
             return {"CANCELLED"}
         target.data.spectral_match.alternative = chosen

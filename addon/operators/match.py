@@ -8,7 +8,7 @@ from bpy.types import Operator
 from .. import core, mesh_read, mesh_write, pair, preferences, stored_match
 from .. import job as job_module
 from ..job import MatchJob, MatchOptions
-from ..mesh_read import UnusableObject
+from ..mesh_read import UnusableObjectError
 from ..transfer import carry_all
 from . import show
 
@@ -24,7 +24,7 @@ def refresh_panels(context):
 
 
 def make_job(context, source, targets, *, swap_sides=False):
-    """Read the objects and return the job, not yet begun; raises `UnusableObject`."""
+    """Read the objects and return the job, not yet begun; raises `UnusableObjectError`."""
     settings = context.scene.spectral_match
     evaluated = settings.shape == "EVALUATED"
     source_surface = mesh_read.read_surface(context, source, evaluated=evaluated)
@@ -53,7 +53,7 @@ def make_job(context, source, targets, *, swap_sides=False):
 
 
 def store(context, job):
-    """Write a finished job's maps to its targets; returns them and words on those that could not take theirs."""
+    """Write a finished job's maps to its targets; returns them and words on those that could not."""
     source = mesh_read.find_object(bpy.data.objects, job.source.object_uid)
     _check_unchanged(source, job.source)
     stored, trouble = [], []
@@ -63,7 +63,7 @@ def store(context, job):
             _check_unchanged(target, matched.target)
             with mesh_write.object_mode(context, [source, target]):
                 mesh_write.write_match(source, target, job.source, matched.target, matched.maps[0])
-        except UnusableObject as reason:
+        except UnusableObjectError as reason:
             trouble.append(str(reason))
             continue
         note = target.data.spectral_match
@@ -81,13 +81,15 @@ def store(context, job):
 
 def _check_unchanged(obj, surface):
     if not pair.is_there(obj):
-        raise UnusableObject(f"'{surface.name}' was deleted while the match was running. Undo, or match again")
+        raise UnusableObjectError(
+            f"'{surface.name}' was deleted while the match was running. Undo, or match again"
+        )
     if obj.type != "MESH" or obj.data.session_uid != surface.mesh_uid:
-        raise UnusableObject(f"'{obj.name}' got another mesh while the match was running. Match again")
+        raise UnusableObjectError(f"'{obj.name}' got another mesh while the match was running. Match again")
     if obj.mode == "EDIT":
         obj.update_from_editmode()
     if mesh_read.fingerprint(obj.data) != surface.fingerprint:
-        raise UnusableObject(f"'{obj.name}' was edited while the match was running. Match again")
+        raise UnusableObjectError(f"'{obj.name}' was edited while the match was running. Match again")
 
 
 class MatchOperator:
@@ -160,7 +162,7 @@ class MatchOperator:
     def _prepare(self, context):
         try:
             return make_job(context, *self.objects(context), swap_sides=self.wants_swapped_sides(context))
-        except UnusableObject as reason:
+        except UnusableObjectError as reason:
             self.report({"ERROR"}, str(reason))
             return None
 
@@ -189,7 +191,7 @@ class MatchOperator:
             if self.then_transfer:
                 for target in stored:
                     trouble += carry_all(context, target)
-        except UnusableObject as reason:
+        except UnusableObjectError as reason:
             self.report({"ERROR"}, str(reason))
             return {"CANCELLED"}
         for words in trouble:

@@ -6,7 +6,7 @@ from bpy.props import EnumProperty
 from bpy.types import Operator
 
 from .. import mesh_read, mesh_write, pair, preferences
-from ..mesh_read import UnusableObject
+from ..mesh_read import UnusableObjectError
 
 # Colour attribute that was active before ours, by mesh session id, and the viewports' colouring before ours.
 _earlier_active: dict[int, str] = {}
@@ -110,7 +110,7 @@ class SPECTRAL_MATCH_OT_show(Operator):
         show = {"COLOURS": show_colours, "CONFIDENCE": show_confidence, "NOTHING": show_nothing}[self.what]
         try:
             show(context, found.source, matched)
-        except (UnusableObject, KeyError) as reason:
+        except (UnusableObjectError, KeyError) as reason:
             self.report({"ERROR"}, f"The match cannot be shown ({reason}). Match again")
             return {"CANCELLED"}
         return {"FINISHED"}

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be carried over, a module for each kind of data.
 
-A kind has `names(source)`, what the source has of it, and `carry(route, names, settings)`, which reads it there,
-carries it along the route, writes it to the target and returns words about what needs the artist's attention.
+A kind has `names(source)`, what the source has of it, and `carry(route, names, settings)`, which reads it
+there, carries it along the route, writes it to the target and returns words about what needs the artist's
+attention.
 """
 
 from collections.abc import Callable
@@ -14,7 +15,7 @@ from .route import Route
 
 @dataclass(frozen=True)
 class Kind:
-    """One kind of data; `identifier` is its name in scripts and, after `use_` and `open_`, in the settings."""
+    """One kind of data; `identifier` names it in scripts and, after `use_` or `open_`, in settings."""
 
     identifier: str
     label: str
@@ -31,12 +32,13 @@ KINDS = (
 
 
 def carry_all(context, target, kinds=None):
-    """Carry what is checked in the panel, or everything of `kinds`, to one target; returns words of warning."""
+    """Carry what is checked in the panel, or everything of `kinds`, to one target; returns warnings."""
     settings = context.scene.spectral_match
     route = Route(target)
     notes = []
     for kind in KINDS:
-        if kind.identifier not in kinds if kinds is not None else not getattr(settings, f"use_{kind.identifier}"):
+        asked = getattr(settings, f"use_{kind.identifier}") if kinds is None else kind.identifier in kinds
+        if not asked:
             continue
         wanted = [
             name

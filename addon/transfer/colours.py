@@ -23,13 +23,14 @@ def carry(route, wanted, _settings):
     if active is not None and active.name in wanted and (shown is None or not shown.name.startswith(OURS)):
         target.color_attributes.active_color = target.color_attributes[active.name]
     render = source.color_attributes.render_color_index
-    if 0 <= render < len(source.color_attributes) and source.color_attributes[render].name in wanted:
-        target.color_attributes.render_color_index = target.color_attributes.find(source.color_attributes[render].name)
+    name = source.color_attributes[render].name if render >= 0 else ""
+    if name in wanted:
+        target.color_attributes.render_color_index = target.color_attributes.find(name)
     return []
 
 
 def carry_corners(route, values):
-    """Values at source corners → values at target corners; a border between colours stays as hard as it is."""
+    """Values at source corners → values at target corners; a hard border stays hard."""
     triangle = route.face[route.corner_vertex].astype(np.int64)
     weights = route.barycentric[route.corner_vertex]
     torn = np.flatnonzero(_torn_vertices(route, values)[route.triangles[triangle]].any(axis=1))

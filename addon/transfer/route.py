@@ -13,7 +13,7 @@ class Route:
     """Everything that a kind of data needs to travel from `source` to `target`.
 
     For target vertices: `face` (n,) and `barycentric` (n, 3) in the source's triangles, `confidence` (n,).
-    Raises `UnusableObject` when the target has no match that still holds.
+    Raises `UnusableObjectError` when the target has no match that still holds.
     """
 
     def __init__(self, target):
@@ -63,10 +63,13 @@ class Route:
         return BVHTree.FromPolygons(self.source_points.tolist(), self.triangles.tolist(), all_triangles=True)
 
     def to_points(self, values):
-        """Values at source vertices → values at target vertices, weighted in the triangle: (n, ...) → (m, ...)."""
+        """Values at source vertices → values at target vertices, weighted in the triangle: (n, ...) → (m,
+        ...).
+        """
         corners = self.triangles[self.face]
         return sum(
-            self.barycentric[:, k].reshape(-1, *[1] * (values.ndim - 1)) * values[corners[:, k]] for k in range(3)
+            self.barycentric[:, k].reshape(-1, *[1] * (values.ndim - 1)) * values[corners[:, k]]
+            for k in range(3)
         )
 
     def nearest(self, points):
@@ -96,8 +99,8 @@ class Route:
     def inward_places(self, corners):
         """Places of target corners on their own face's side of a hard border: triangle (q,), weights (q, 3).
 
-        At the border a corner's image belongs to both sides. A point a little further into the face tells the side;
-        the weights are those of the image itself, held within that triangle.
+        At the border a corner's image belongs to both sides. A point a little further into the face tells the
+        side; the weights are those of the image itself, held within that triangle.
         """
         centre = self.face_centre[self.corner_face[corners]]
         image = self.image[self.corner_vertex[corners]]
@@ -106,7 +109,8 @@ class Route:
         return triangle, weights / weights.sum(axis=1, keepdims=True)
 
 
-# How far from a face's centre to its corner a corner's own side is asked for: close to the corner, but safely inside.
+# How far from a face's centre to its corner a corner's own side is asked for: close to the corner, but safely
+# inside.
 INWARD_SHARE = 0.95
 
 

@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""UV maps: every target face takes all its UVs from one side of a seam, extrapolated in that side's own chart."""
+"""UV maps: every target face takes all its UVs from one side of a seam, extrapolated in that side's own
+chart.
+"""
 
 import numpy as np
 
-from ..mesh_read import UnusableObject
+from ..mesh_read import UnusableObjectError
 
-# Two places are on one side of every seam when the chart of each foretells the other's UV with an error of at most a
-# share of their distance (in UV, at the chart's local scale). Across a seam the error is far larger, except towards
-# its end, where its two sides meet. A face is suspected early, which costs only the walk below; on the walk curvature
-# must not look like a seam: it costs up to 0.36 on half a turn.
+# Two places are on one side of every seam when the chart of each foretells the other's UV with an error of at
+# most a share of their distance (in UV, at the chart's local scale). Across a seam the error is far larger,
+# except towards its end, where its two sides meet. A face is suspected early, which costs only the walk
+# below; on the walk curvature must not look like a seam: it costs up to 0.36 on half a turn.
 SUSPECT_MISS = 0.12
 SEAM_MISS = 0.5
 # UV differences below this are rounding.
 UV_ROUNDING = 1e-5
-# Places asked for on the way from a face's centre to its corner, to learn on which side of a seam the corner is.
+# Places asked for on the way from a face's centre to its corner, to learn on which side of a seam the corner
+# is.
 WALK = (0.25, 0.5, 0.75, 0.95)
 MOST_UV_MAPS = 8
 
@@ -32,7 +35,7 @@ def carry(route, wanted, _settings):
         if layer is None:
             layer = target.uv_layers.new(name=name, do_init=False)
         if layer is None:
-            raise UnusableObject(
+            raise UnusableObjectError(
                 f"'{route.target.name}' has {MOST_UV_MAPS} UV maps already, the most there can be. Remove one"
             )
         layer.uv.foreach_set("vector", carried.astype(np.float32).ravel())
@@ -101,7 +104,7 @@ def carry_uv(route, uv):
 
 
 def _from_one_side(route, charts, faces, corners):
-    """UVs of the corners of straddling faces, each followed from its face's centre as far as the chart goes."""
+    """UVs of the corners of straddling faces, each followed from the face's centre along the chart."""
     place = np.searchsorted(faces, route.corner_face[corners])
     centre = route.face_centre[faces]
     triangle, start = route.nearest(centre)
@@ -123,7 +126,7 @@ def _from_one_side(route, charts, faces, corners):
 
 
 def triangle_islands(triangles, uv):
-    """Number of the UV island of each triangle: triangles hang together where they share a vertex and its UV."""
+    """Number of each triangle's UV island: triangles hang together at a common vertex with a common UV."""
     rounded = np.round(uv.reshape(-1, 2) / UV_ROUNDING).astype(np.int64)
     keys = np.column_stack([triangles.ravel().astype(np.int64), rounded])
     _, spot = np.unique(keys, axis=0, return_inverse=True)

@@ -74,7 +74,9 @@ def _deforming(source, wanted):
 
 
 def limit(weights, most, deforming, normalize):
-    """Keep each vertex's `most` strongest deforming weights; with `normalize` scale them to their earlier sum."""
+    """Keep each vertex's `most` strongest deforming weights; with `normalize` scale them to their earlier
+    sum.
+    """
     vertex, group, weight = weights
     counted = deforming[group] if len(group) else np.zeros(0, bool)
     limited = np.flatnonzero(counted)
