@@ -52,7 +52,7 @@ class SPECTRAL_MATCH_PG_settings(PropertyGroup):
 
     pinned: BoolProperty(
         name="Pin",
-        description="Keep these two objects whatever is selected. Else the active object is the source and the "
+        description="Keep these two objects whatever is selected. Else the active object is source and the "
         "other selected meshes are the targets",
     )
     source: PointerProperty(

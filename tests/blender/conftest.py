@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The add-on registered in an otherwise empty scene, and small shapes made by code."""
+
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
+
+import addon  # noqa: E402
+
+
+@pytest.fixture(scope="session")
+def registered():
+    addon.register()
+    yield addon
+    addon.unregister()
+
+
+@pytest.fixture
+def scene(registered):
+    """An empty scene with the add-on registered."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    return bpy.context.scene
+
+
+def new_object(name, vertices, faces):
+    """Link a new mesh object to the scene."""
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(np.asarray(vertices).tolist(), [], [list(map(int, face)) for face in faces])
+    mesh.update()
+    obj = bpy.data.objects.new(name, mesh)
+    bpy.context.collection.objects.link(obj)
+    return obj
+
+
+def lumpy(rings=20, sides=28):
+    """A closed body of quads without any symmetry: vertices (n, 3) and faces.
+
+    Lobes of unequal size stand on a stretched sphere, so that a map onto a copy has one right answer.
+    """
+    polar, around = np.meshgrid(
+        np.linspace(0.0, np.pi, rings + 1)[1:-1], np.arange(sides) * 2.0 * np.pi / sides, indexing="ij"
+    )
+    direction = np.stack(
+        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1
+    ).reshape(-1, 3)
+    direction = np.vstack([direction, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    lobes = (
+        ((0.9, 0.3, 0.3), 0.9, 7.0),
+        ((-0.7, 0.6, 0.4), 0.6, 9.0),
+        ((0.1, -0.9, -0.4), 1.2, 8.0),
+        ((-0.4, -0.3, 0.85), 0.4, 12.0),
+    )
+    radius = np.ones(len(direction))
+    for axis, height, narrow in lobes:
+        axis = np.array(axis) / np.linalg.norm(axis)
+        radius += height * np.exp(narrow * (direction @ axis - 1.0))
+    vertices = direction * radius[:, None] * (1.0, 0.8, 1.5)
+    ring = np.arange((rings - 1) * sides).reshape(rings - 1, sides)
+    following = np.roll(ring, -1, axis=1)
+    quads = np.stack([ring[:-1], ring[1:], following[1:], following[:-1]], axis=-1).reshape(-1, 4)
+    top, bottom = len(direction) - 2, len(direction) - 1
+    caps = [(top, a, b) for a, b in zip(ring[0], following[0], strict=True)]
+    caps += [(bottom, b, a) for a, b in zip(ring[-1], following[-1], strict=True)]
+    return vertices, [*quads.tolist(), *caps]
+
+
+def renumbered(vertices, faces, seed=5):
+    """The same surface with vertices and faces in another order, and for each new vertex its old number."""
+    rng = np.random.default_rng(seed)
+    old = rng.permutation(len(vertices))
+    new = np.empty(len(old), int)
+    new[old] = np.arange(len(old))
+    order = rng.permutation(len(faces))
+    return vertices[old], [[int(new[v]) for v in faces[i]] for i in order], old
+
+
+def turned(vertices):
+    """A rigid motion that exchanges no axes."""
+    a, b = 0.7, 0.4
+    about_z = np.array([[np.cos(a), -np.sin(a), 0.0], [np.sin(a), np.cos(a), 0.0], [0.0, 0.0, 1.0]])
+    about_x = np.array([[1.0, 0.0, 0.0], [0.0, np.cos(b), -np.sin(b)], [0.0, np.sin(b), np.cos(b)]])
+    return vertices @ (about_z @ about_x).T + (3.0, 1.0, 0.0)
+
+
+def choose(source, *targets):
+    """Select as an artist does: targets, then the source, which is active."""
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj is source or obj in targets)
+    bpy.context.view_layer.objects.active = source
+
+
+@pytest.fixture
+def pair(scene):
+    """Source, target (its turned, renumbered copy), and the source vertex of each target vertex."""
+    vertices, faces = lumpy()
+    source = new_object("Source", vertices, faces)
+    moved, other_faces, old = renumbered(vertices, faces)
+    target = new_object("Target", turned(moved), other_faces)
+    choose(source, target)
+    return source, target, old
