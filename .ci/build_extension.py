@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Build the Blender extension: addon/ and the core's wheel in one zip, dist/spectral_match-VERSION-PLATFORM.zip.
+"""Build the extension: addon/ and the core's wheel as dist/spectral_match-VERSION-PLATFORM.zip.
 
     python .ci/build_extension.py [--wheel FILE.whl] [--output-dir dist]
 
-Without --wheel the core is built by maturin. Needs no Blender; `blender --command extension validate` accepts the
-result. The zip depends on the files alone, not on time or folder.
+Without --wheel the core is built by maturin. Needs no Blender, whose `extension validate` accepts the result. The zip depends on the files alone, not on time or folder.
 """
 
 import argparse

@@ -23,7 +23,7 @@ def resolve(context):
     active = context.view_layer.objects.active
     if active is None or active.type != "MESH":
         return Pair(None, [], "Select the target, then Shift-click the source: two meshes")
-    others = [obj for obj in context.view_layer.objects.selected if obj is not active and obj.type == "MESH"]
+    others = [obj for obj in context.view_layer.objects.selected if obj != active and obj.type == "MESH"]
     if not others:
         # A matched target alone still means the pair it was matched in.
         stored = active.data.spectral_match
@@ -36,10 +36,10 @@ def resolve(context):
 def _of(source, targets):
     if not is_there(source):
         return Pair(None, targets, "Choose a source: the mesh that has the data")
-    targets = [obj for obj in targets if is_there(obj) and obj is not source]
+    targets = [obj for obj in targets if is_there(obj) and obj != source]
     if not targets:
         return Pair(source, [], "Choose a target: another mesh, which receives the data")
-    if all(obj.data is source.data for obj in targets):
+    if all(obj.data == source.data for obj in targets):
         return Pair(source, targets, "Source and target share one mesh, so they have the same data already")
     return Pair(source, targets)
 

@@ -34,6 +34,7 @@ def new_object(name, vertices, faces):
     mesh.update()
     obj = bpy.data.objects.new(name, mesh)
     bpy.context.collection.objects.link(obj)
+    bpy.context.view_layer.update()
     return obj
 
 
@@ -90,7 +91,7 @@ def turned(vertices):
 def choose(source, *targets):
     """Select as an artist does: targets, then the source, which is active."""
     for obj in bpy.context.view_layer.objects:
-        obj.select_set(obj is source or obj in targets)
+        obj.select_set(obj == source or obj in targets)
     bpy.context.view_layer.objects.active = source
 
 

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The job behind the modal operator: progress, cancel, and a world that changed meanwhile."""
+
+import time
+
+import bpy
+import pytest
+
+from addon.mesh_read import UnusableObjectError
+from addon.operators.match import make_job, store
+
+
+@pytest.fixture
+def job(pair):
+    source, target, _ = pair
+    return make_job(bpy.context, source, [target])
+
+
+def test_runs_beside_and_reports(job):
+    job.start()
+    stages = set()
+    while not job.finished:
+        stages.add(job.stage)
+        assert 0.0 <= job.fraction <= 1.0
+        time.sleep(0.005)
+    assert job.error is None and len(job.results) == 1 and stages
+    targets, trouble = store(bpy.context, job)
+    assert [obj.name for obj in targets] == ["Target"] and not trouble
+
+
+def test_cancel_ends_without_a_result(job):
+    job.cancel()
+    job.run()
+    assert job.cancelled and not job.results and job.error is None
+
+
+def test_renamed_object_is_found_again(job):
+    job.run()
+    bpy.data.objects["Target"].name = "Other Name"
+    targets, _ = store(bpy.context, job)
+    assert [obj.name for obj in targets] == ["Other Name"]
+
+
+def test_deleted_target_is_said(job):
+    job.run()
+    bpy.data.objects.remove(bpy.data.objects["Target"])
+    targets, trouble = store(bpy.context, job)
+    assert not targets and "'Target' was deleted" in trouble[0]
+
+
+def test_deleted_source_is_said(job):
+    job.run()
+    bpy.data.objects.remove(bpy.data.objects["Source"])
+    with pytest.raises(UnusableObjectError, match="'Source' was deleted"):
+        store(bpy.context, job)
+
+
+def test_edited_target_is_said(job):
+    job.run()
+    bpy.data.objects["Target"].data.vertices[0].co.x += 0.5
+    targets, trouble = store(bpy.context, job)
+    assert not targets and "edited" in trouble[0]
+
+
+def test_missing_core_is_a_message(job, monkeypatch):
+    import addon.core as core
+
+    def broken():
+        raise core.CoreMissingError("The computing core does not load here")
+
+    monkeypatch.setattr(core, "load", broken)
+    job.run()
+    assert "core" in core.explain(job.error)

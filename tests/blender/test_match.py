@@ -1,0 +1,302 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The match operator: what it writes, and what it makes of objects that are not simple."""
+
+import bpy
+import numpy as np
+import pytest
+from conftest import choose, lumpy, new_object
+
+from addon import mesh_read, stored_match
+from addon.mesh_write import read_attribute
+
+LAYOUT = {
+    "match_color": ("FLOAT_COLOR", "POINT"),
+    "match_position": ("FLOAT_VECTOR", "POINT"),
+    "match_face": ("INT", "POINT"),
+    "match_barycentric": ("FLOAT_VECTOR", "POINT"),
+    "match_confidence": ("FLOAT", "POINT"),
+}
+# A copy's points come back to within a part of a typical edge (0.25); the body is about 4 long.
+COPY_ERROR = 0.1
+
+
+def values(obj, name):
+    return read_attribute(obj.data.attributes[name])
+
+
+def copy_error(source, target, old):
+    """Mean distance in source object space between the images and the vertices that they should be."""
+    return np.linalg.norm(
+        values(target, "match_position") - mesh_read.positions(source.data)[old], axis=1
+    ).mean()
+
+
+def match():
+    return bpy.ops.spectral_match.match()
+
+
+def refusal():
+    with pytest.raises(RuntimeError) as refused:
+        match()
+    return str(refused.value)
+
+
+def test_register_and_unregister_twice(registered):
+    for _ in range(2):
+        registered.unregister()
+        assert not hasattr(bpy.types, "VIEW3D_PT_spectral_match")
+        assert not hasattr(bpy.types.Scene, "spectral_match")
+        registered.register()
+    assert hasattr(bpy.types, "VIEW3D_PT_spectral_match")
+
+
+def test_copy_is_found_and_written(pair):
+    source, target, old = pair
+    assert match() == {"FINISHED"}
+    for name, layout in LAYOUT.items():
+        attribute = target.data.attributes[name]
+        assert (attribute.data_type, attribute.domain) == layout
+    assert copy_error(source, target, old) < COPY_ERROR
+    barycentric = values(target, "match_barycentric")
+    assert barycentric.min() >= -1e-6
+    np.testing.assert_allclose(barycentric.sum(axis=1), 1.0, atol=1e-5)
+    triangles = mesh_read.triangle_vertices(source.data)[values(target, "match_face")]
+    rebuilt = np.einsum("ij,ijc->ic", barycentric, mesh_read.positions(source.data)[triangles])
+    np.testing.assert_allclose(rebuilt, values(target, "match_position"), atol=1e-5)
+    colours = np.einsum("ij,ijc->ic", barycentric, values(source, "match_color")[triangles])
+    np.testing.assert_allclose(colours, values(target, "match_color"), atol=1e-5)
+    stored = target.data.spectral_match
+    assert stored.source == source and stored.grade in {"green", "amber", "red"} and stored.seconds > 0.0
+    assert 0.0 < stored.mean_confidence <= 1.0
+    assert stored_match.state(target).code == stored_match.MATCHED
+
+
+def test_source_is_coloured_smoothly_and_distinctly(pair):
+    source, _, _ = pair
+    match()
+    colours, points = values(source, "match_color")[:, :3], mesh_read.positions(source.data)
+    far = np.linalg.norm(points[:, None] - points[None], axis=2) > 1.5
+    apart = np.linalg.norm(colours[:, None] - colours[None], axis=2)
+    assert apart[far].min() > 0.02
+    edges = np.array([edge.vertices[:] for edge in source.data.edges])
+    assert np.median(np.linalg.norm(colours[edges[:, 0]] - colours[edges[:, 1]], axis=1)) < 0.1
+
+
+def test_survives_save_and_reload(pair, tmp_path):
+    _, target, _ = pair
+    match()
+    before = {name: values(target, name).copy() for name in LAYOUT}
+    path = str(tmp_path / "matched.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    target = bpy.data.objects["Target"]
+    for name, kept in before.items():
+        np.testing.assert_array_equal(values(target, name), kept)
+    assert stored_match.state(target).code == stored_match.MATCHED
+    assert target.data.spectral_match.source == bpy.data.objects["Source"]
+
+
+def test_survives_being_appended(pair, tmp_path):
+    match()
+    path = str(tmp_path / "matched.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(path) as (_, wanted):
+        wanted.objects = ["Target", "Source"]
+    for obj in wanted.objects:
+        bpy.context.collection.objects.link(obj)
+    assert stored_match.state(bpy.data.objects["Target"]).code == stored_match.MATCHED
+
+
+@pytest.mark.parametrize("scale", [(1.0, 1.0, 1.0), (2.5, 0.4, 1.3), (-1.0, 1.0, 1.0)])
+def test_unapplied_transform_is_seen(scene, scale):
+    """The target's mesh is squeezed, and its object scale brings it back to the source's shape."""
+    vertices, faces = lumpy()
+    source = new_object("Source", vertices, faces)
+    turned_over = [face[::-1] for face in faces] if np.prod(scale) < 0.0 else faces
+    target = new_object("Target", vertices / scale, turned_over)
+    target.scale, target.location, target.rotation_euler = scale, (5.0, 0.0, 0.0), (0.3, 0.2, 1.0)
+    bpy.context.view_layer.update()
+    choose(source, target)
+    assert match() == {"FINISHED"}
+    assert copy_error(source, target, np.arange(len(vertices))) < COPY_ERROR
+
+
+def test_mirrored_source_keeps_its_triangles_corners(scene):
+    vertices, faces = lumpy()
+    source = new_object("Source", vertices * (-1.0, 1.0, 1.0), [face[::-1] for face in faces])
+    source.scale = (-1.0, 1.0, 1.0)
+    target = new_object("Target", vertices, faces)
+    bpy.context.view_layer.update()
+    choose(source, target)
+    match()
+    assert copy_error(source, target, np.arange(len(vertices))) < COPY_ERROR
+
+
+def test_edit_mode_goes_on(pair):
+    source, target, old = pair
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert source.mode == "EDIT" and target.mode == "EDIT"
+    assert match() == {"FINISHED"}
+    assert source.mode == "EDIT" and target.mode == "EDIT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert copy_error(source, target, old) < COPY_ERROR
+    assert stored_match.state(target).code == stored_match.MATCHED
+
+
+def test_modifier_that_keeps_vertices_is_followed(scene):
+    vertices, faces = lumpy()
+    source = new_object("Source", vertices, faces)
+    target = new_object("Target", vertices * 0.5, faces)
+    target.modifiers.new("Cast", "CAST").factor = 0.2
+    choose(source, target)
+    scene.spectral_match.shape = "EVALUATED"
+    assert match() == {"FINISHED"}
+    assert len(values(target, "match_face")) == len(vertices)
+
+
+def test_modifier_that_adds_vertices_is_refused_in_words(pair, scene):
+    _, target, _ = pair
+    target.modifiers.new("Subdivision", "SUBSURF")
+    scene.spectral_match.shape = "EVALUATED"
+    assert "set Shape to Original" in refusal()
+    scene.spectral_match.shape = "ORIGINAL"
+    assert match() == {"FINISHED"}
+
+
+def test_ngons_are_matched_by_their_triangles(scene):
+    vertices, faces = lumpy()
+    source = new_object("Source", vertices, faces)
+    bpy.context.view_layer.objects.active = source
+    source.select_set(True)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.dissolve_limited(angle_limit=0.12)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert max(face.loop_total for face in source.data.polygons) > 4
+    target = new_object("Target", vertices, faces)
+    choose(source, target)
+    assert match() == {"FINISHED"}
+    assert values(target, "match_face").max() < len(source.data.loop_triangles)
+
+
+def test_several_targets_at_once(pair):
+    source, target, _ = pair
+    second = new_object("Second", *lumpy(16, 22))
+    twin = bpy.data.objects.new("Twin", target.data)
+    bpy.context.collection.objects.link(twin)
+    choose(source, target, second, twin)
+    assert match() == {"FINISHED"}
+    for obj in (target, second, twin):
+        assert obj.data.spectral_match.source == source
+
+
+def test_shared_mesh_is_refused_in_words(pair):
+    source, _, _ = pair
+    twin = bpy.data.objects.new("Twin", source.data)
+    bpy.context.collection.objects.link(twin)
+    choose(source, twin)
+    assert not bpy.ops.spectral_match.match.poll()
+    assert "share one mesh" in refusal()
+
+
+def test_no_target_says_how_to_select(pair):
+    source, _, _ = pair
+    choose(source)
+    assert "Shift-click" in refusal()
+
+
+def test_mesh_without_faces_is_refused_in_words(pair):
+    source, _, _ = pair
+    wire = new_object("Wire", [(0, 0, 0), (1, 0, 0)], [])
+    choose(source, wire)
+    assert "no faces" in refusal()
+
+
+def test_undefined_coordinates_are_refused_in_words(pair):
+    _, target, _ = pair
+    target.data.vertices[3].co.x = float("nan")
+    words = refusal()
+    assert "unexpected" not in words and "match_face" not in target.data.attributes
+
+
+def test_scale_of_zero_is_refused_in_words(pair):
+    _, target, _ = pair
+    target.scale = (1.0, 0.0, 1.0)
+    bpy.context.view_layer.update()
+    assert "scale" in refusal()
+
+
+def test_linked_target_is_refused_and_linked_source_is_read(pair, tmp_path):
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = ["Source", "Target"]
+    for obj in wanted.objects:
+        bpy.context.collection.objects.link(obj)
+    linked = bpy.data.objects["Source"]
+    local = new_object("Local", *lumpy())
+    settings = bpy.context.scene.spectral_match
+    settings.pinned = True
+    settings.source, settings.target = local, linked
+    assert "linked from another file" in refusal()
+    settings.source, settings.target = linked, local
+    assert match() == {"FINISHED"}
+
+
+def test_attribute_name_taken_by_a_vertex_group_is_said(pair):
+    _, target, _ = pair
+    target.vertex_groups.new(name="match_face")
+    assert "Rename it" in refusal()
+
+
+def test_rematch_after_an_edit(pair):
+    _, target, _ = pair
+    match()
+    target.data.vertices[0].co.z += 0.1
+    target.data.update()
+    stored_match.forget_fingerprint(target.data)
+    assert stored_match.state(target).code == stored_match.MOVED
+    bpy.context.view_layer.objects.active = target
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.quads_convert_to_tris()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    stored_match.forget_fingerprint(target.data)
+    stale = stored_match.state(target)
+    assert stale.code == stored_match.STALE and "Match again" in stale.words
+    choose(bpy.data.objects["Source"], target)
+    assert match() == {"FINISHED"}
+    assert stored_match.state(target).code == stored_match.MATCHED
+
+
+def test_lost_source_is_said(pair):
+    source, target, _ = pair
+    match()
+    bpy.data.objects.remove(source)
+    assert stored_match.state(target).code == stored_match.LOST
+
+
+def test_swapping_roles(pair):
+    source, target, _ = pair
+    assert bpy.ops.spectral_match.swap_roles() == {"FINISHED"}
+    assert bpy.context.view_layer.objects.active == target and source.select_get()
+
+
+def test_pinning_keeps_the_pair(pair, scene):
+    source, target, _ = pair
+    bpy.ops.spectral_match.pin()
+    choose(target)
+    assert match() == {"FINISHED"}
+    assert target.data.spectral_match.source == source
+
+
+def test_confidence_is_shown_as_colours(pair):
+    _, target, _ = pair
+    match()
+    assert bpy.ops.spectral_match.show(what="CONFIDENCE") == {"FINISHED"}
+    assert target.data.color_attributes.active_color.name == "match_heat"
+    assert bpy.ops.spectral_match.show(what="COLOURS") == {"FINISHED"}
+    assert target.data.color_attributes.active_color.name == "match_color"
+    assert bpy.ops.spectral_match.show(what="NOTHING") == {"FINISHED"}
