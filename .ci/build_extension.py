@@ -3,10 +3,12 @@
 
     python .ci/build_extension.py [--wheel FILE.whl] [--output-dir dist]
 
-Without --wheel the core is built by maturin. Needs no Blender, whose `extension validate` accepts the result. The zip depends on the files alone, not on time or folder.
+Without --wheel the core is built by maturin. Needs no Blender, whose `extension validate` accepts the result.
+The zip depends on the files alone, not on time or folder.
 """
 
 import argparse
+import os
 import re
 import subprocess
 import sys
@@ -43,7 +45,15 @@ def build_wheel(folder):
     """Build the core with maturin and return the wheel; of several in the folder, the newest."""
     maturin = Path(sys.executable).with_name("maturin")
     program = str(maturin) if maturin.exists() else "maturin"
-    subprocess.run([program, "build", "--release", "--out", str(folder)], cwd=ROOT, check=True)
+    cargo = Path(os.environ.get("CARGO_HOME", Path.home() / ".cargo")) / "bin"
+    environment = {**os.environ, "PATH": f"{os.environ['PATH']}{os.pathsep}{cargo}"}
+    subprocess.run(
+        [program, "build", "--release", "--out", str(folder)],
+        cwd=ROOT,
+        env=environment,
+        check=True,
+        stdout=sys.stderr,
+    )
     wheels = sorted(folder.glob("sgmds-*.whl"), key=lambda path: path.stat().st_mtime)
     if not wheels:
         raise SystemExit(f"maturin left no wheel in {folder}")
@@ -92,7 +102,7 @@ def main():
     parser.add_argument("--wheel", type=Path, help="use this wheel instead of building one")
     parser.add_argument("--output-dir", type=Path, default=ROOT / "dist")
     options = parser.parse_args()
-    wheel = options.wheel or build_wheel(ROOT / "target" / "wheels")
+    wheel = options.wheel or build_wheel(ROOT / "dist")
     print(build(wheel.resolve(), options.output_dir))
 
 

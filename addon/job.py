@@ -89,7 +89,7 @@ class MatchJob:
                 best = sgmds.match(
                     (self._source_vertices(), self.source.outward_triangles),
                     (target.vertices, target.outward_triangles),
-                    landmarks=self.landmarks.get(target.object_uid) or None,
+                    landmarks=self.landmarks.get(target.object_uid, ()),
                     method=self.options.method,
                     part=self.options.part,
                     mirror=self.options.mirror,

@@ -38,18 +38,29 @@ def new_object(name, vertices, faces):
     return obj
 
 
-def lumpy(rings=20, sides=28):
+def lumpy(cells=12):
     """A closed body of quads without any symmetry: vertices (n, 3) and faces.
 
-    Lobes of unequal size stand on a stretched sphere, so that a map onto a copy has one right answer.
+    Lobes of unequal size stand on a stretched sphere, so that a map onto a copy has one right answer. It is
+    a cube of `cells` × `cells` quads a side, blown up.
     """
-    polar, around = np.meshgrid(
-        np.linspace(0.0, np.pi, rings + 1)[1:-1], np.arange(sides) * 2.0 * np.pi / sides, indexing="ij"
+    line = np.tan(np.linspace(-1.0, 1.0, cells + 1) * np.pi / 4)
+    u, v = np.meshgrid(line, line, indexing="ij")
+    number = np.arange((cells + 1) ** 2).reshape(cells + 1, cells + 1)
+    square = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(
+        -1, 4
     )
-    direction = np.stack(
-        [np.sin(polar) * np.cos(around), np.sin(polar) * np.sin(around), np.cos(polar)], axis=-1
-    ).reshape(-1, 3)
-    direction = np.vstack([direction, [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    sides, quads = [], []
+    for axis in range(3):
+        for sign in (1.0, -1.0):
+            side = np.empty((*u.shape, 3))
+            side[..., axis], side[..., axis - 2], side[..., axis - 1] = sign, u, v
+            quads.append((square if sign > 0.0 else square[:, ::-1]) + len(sides) * number.size)
+            sides.append(side.reshape(-1, 3))
+    doubled = np.vstack(sides)
+    _, first, joined = np.unique(np.round(doubled, 6), axis=0, return_index=True, return_inverse=True)
+    direction = doubled[first] / np.linalg.norm(doubled[first], axis=1, keepdims=True)
+    faces = joined.reshape(-1)[np.vstack(quads)]
     lobes = (
         ((0.9, 0.3, 0.3), 0.9, 7.0),
         ((-0.7, 0.6, 0.4), 0.6, 9.0),
@@ -60,14 +71,7 @@ def lumpy(rings=20, sides=28):
     for axis, height, narrow in lobes:
         axis = np.array(axis) / np.linalg.norm(axis)
         radius += height * np.exp(narrow * (direction @ axis - 1.0))
-    vertices = direction * radius[:, None] * (1.0, 0.8, 1.5)
-    ring = np.arange((rings - 1) * sides).reshape(rings - 1, sides)
-    following = np.roll(ring, -1, axis=1)
-    quads = np.stack([ring[:-1], ring[1:], following[1:], following[:-1]], axis=-1).reshape(-1, 4)
-    top, bottom = len(direction) - 2, len(direction) - 1
-    caps = [(top, a, b) for a, b in zip(ring[0], following[0], strict=True)]
-    caps += [(bottom, b, a) for a, b in zip(ring[-1], following[-1], strict=True)]
-    return vertices, [*quads.tolist(), *caps]
+    return direction * radius[:, None] * (1.0, 0.8, 1.5), faces.tolist()
 
 
 def renumbered(vertices, faces, seed=5):
