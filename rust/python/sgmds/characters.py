@@ -1,8 +1,9 @@
 """Characters made by code, with known correspondences between any two of one kind.
 
-A character is a skeleton of bones, each a tapered capsule, blended into one smooth surface. Two builds of a kind have
-the same bones with other lengths, thicknesses and poses, so a surface point is known by its bone, its place along
-the bone (0…1) and its angle around it. Points inside the blend of a joint have no such address.
+A character is a skeleton of bones, each a tapered capsule, blended into one smooth surface. Two builds of a
+kind have the same bones with other lengths, thicknesses and poses, so a surface point is known by its bone,
+its place along the bone (0…1) and its angle around it. Points inside the blend of a joint have no such
+address.
 
 Coordinates are Blender's: up is +Z, front is −Y, left is +X. Everything is deterministic.
 """
@@ -55,7 +56,9 @@ def _both_sides(bones: list[Bone]) -> list[Bone]:
             u, v, w = bone.direction
             parent = bone.parent[:-1] + "R" if bone.parent.endswith(".L") else bone.parent
             result.append(
-                Bone(bone.name[:-1] + "R", parent, bone.along, (-x, y, z), (-u, v, w), bone.length, bone.radii)
+                Bone(
+                    bone.name[:-1] + "R", parent, bone.along, (-x, y, z), (-u, v, w), bone.length, bone.radii
+                )
             )
     return result
 
@@ -66,9 +69,9 @@ SKELETONS: dict[str, list[Bone]] = {
             Bone("hips", None, 0, (0, 0, 0.95), (0, 0, 1), 0.26, (0.25, 0.26)),
             Bone("chest", "hips", 1, (0, 0, 0), (0, 0, 1), 0.28, (0.25, 0.18)),
             Bone("neck", "chest", 1, (0, 0, 0), (0, -0.1, 1), 0.26, (0.12, 0.11)),
-            Bone("head", "neck", 1, (0, 0, 0), (0, -0.1, 1), 0.22, (0.24, 0.23)),
+            Bone("head", "neck", 1, (0, 0, 0), (0, -0.1, 1), 0.16, (0.25, 0.20)),
             Bone("snout", "head", 0.1, (0, -0.08, 0), (0, -1, -0.12), 0.36, (0.14, 0.075)),
-            Bone("ear.L", "head", 1, (0.12, 0.02, 0.03), (0.55, 0.1, 1), 0.36, (0.085, 0.035)),
+            Bone("ear.L", "head", 0.9, (0.10, 0.02, 0.02), (0.6, 0.1, 1), 0.36, (0.085, 0.035)),
             Bone("upper_arm.L", "chest", 1, (0.14, 0, -0.04), (1, 0, -0.45), 0.40, (0.095, 0.08)),
             Bone("forearm.L", "upper_arm.L", 1, (0, 0, 0), (1, -0.1, -0.45), 0.34, (0.08, 0.062)),
             Bone("hand.L", "forearm.L", 1, (0, 0, 0), (1, -0.1, -0.45), 0.15, (0.09, 0.075)),
@@ -177,7 +180,12 @@ POSES: dict[str, dict[str, Pose]] = {
     },
     "quadruped": {
         "rest": {},
-        "wave": {"head": (0, 10, 12), "tail_root": (20, 0, 15), "tail": (15, 0, 20), "upper_arm.L": (-30, 0, 0)},
+        "wave": {
+            "head": (0, 10, 12),
+            "tail_root": (20, 0, 15),
+            "tail": (15, 0, 20),
+            "upper_arm.L": (-30, 0, 0),
+        },
         "walk": {
             "upper_arm.L": (-28, 0, 0),
             "forearm.L": (22, 0, 0),
@@ -197,8 +205,8 @@ POSES: dict[str, dict[str, Pose]] = {
 class Body:
     """A posed skeleton and the surface around it.
 
-    For each bone: `names`, start and end of the axis (`starts`, `ends`), `radii` (b, 2), and `frames` (b, 3, 3) whose
-    rows are the axis, the direction of angle 0 and the one of angle 90°.
+    For each bone: `names`, start and end of the axis (`starts`, `ends`), `radii` (b, 2), and `frames` (b, 3,
+    3) whose rows are the axis, the direction of angle 0 and the one of angle 90°.
     """
 
     def __init__(self, kind: str, build: Scales, pose: Pose):
@@ -269,7 +277,8 @@ class Body:
         frames = self.frames[bones]
         ray = np.cos(angle)[:, None] * frames[:, 1] + np.sin(angle)[:, None] * frames[:, 2]
         radius = self.radii[bones, 0] + along * (self.radii[bones, 1] - self.radii[bones, 0])
-        # The blend only adds to a capsule, so that the surface lies beyond its radius, and by little at an address.
+        # The blend only adds to a capsule, so that the surface lies beyond its radius, and by little at an
+        # address.
         near, far = 0.999 * radius, radius + 6 * BLEND
         for _ in range(40):
             middle = (near + far) / 2
@@ -282,9 +291,9 @@ class Body:
 class Character:
     """A mesh of a `Body` and what is known of it.
 
-    `part` is the bone of each vertex (index into `body.names`), `axial` and `angle` its address, `addressed` where that
-    address is exact. `weights` (n, bones) are skin weights, rows summing to 1. `uv` (m, 3, 2) are the corners of
-    the triangles in a layout with one island for each bone and a seam along it.
+    `part` is the bone of each vertex (index into `body.names`), `axial` and `angle` its address, `addressed`
+    where that address is exact. `weights` (n, bones) are skin weights, rows summing to 1. `uv` (m, 3, 2) are
+    the corners of the triangles in a layout with one island for each bone and a seam along it.
     """
 
     vertices: np.ndarray
@@ -305,8 +314,9 @@ def make(
     resolution: int = 5000,
     seed: int = 0,
 ) -> Character:
-    """A character of about `resolution` vertices. `build` and `pose` are names or dictionaries like `BUILDS["stout"]`
-    and `POSES["biped"]["walk"]`; `seed` turns and shifts the sampling grid, so that each has a mesh of its own."""
+    """A character of about `resolution` vertices. `build` and `pose` are names or dictionaries like
+    `BUILDS["stout"]` and `POSES["biped"]["walk"]`; `seed` turns and shifts the sampling grid, so that each
+    has a mesh of its own."""
     if kind not in SKELETONS:
         raise ValueError(f"kind should be one of {', '.join(SKELETONS)}, got {kind!r}")
     scales = BUILDS[build] if isinstance(build, str) else build
@@ -324,7 +334,8 @@ def make(
 
 
 def truth(a: Character, b: Character) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices of `a` with a known counterpart on `b`, and that counterpart's position (k, 3) on b's surface."""
+    """Vertices of `a` with a known counterpart on `b`, and that counterpart's position (k, 3) on b's
+    surface."""
     if a.body.kind != b.body.kind:
         raise ValueError(f"a {a.body.kind} and a {b.body.kind} have no common truth")
     ids = np.flatnonzero(a.addressed)
@@ -416,7 +427,8 @@ def _relax(body: Body, vertices, faces) -> np.ndarray:
     valence = np.bincount(ends[:, 0], minlength=len(vertices))
     for _ in range(RELAXATIONS):
         mean = np.stack(
-            [np.bincount(ends[:, 0], vertices[ends[:, 1], i], len(vertices)) / valence for i in range(3)], axis=1
+            [np.bincount(ends[:, 0], vertices[ends[:, 1], i], len(vertices)) / valence for i in range(3)],
+            axis=1,
         )
         vertices = _project(body, vertices + 0.6 * (mean - vertices))
     return vertices

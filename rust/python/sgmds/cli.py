@@ -1,4 +1,5 @@
-"""The command `sgmds`. Exit status: 0 done, 1 failed with one line on standard error, 2 wrong usage, 130 cancelled."""
+"""The command `sgmds`. Exit status: 0 done, 1 failed with one line on standard error, 2 wrong usage, 130
+cancelled."""
 
 from __future__ import annotations
 
@@ -138,7 +139,7 @@ def _match(options) -> int:
             source,
             target,
             method=options.method,
-            landmarks=options.landmark or None,
+            landmarks=options.landmark,
             progress=progress,
             **_given(options, "part", "mirror", "threads", "seed"),
         )
@@ -150,7 +151,8 @@ def _match(options) -> int:
 
 
 def _evaluate(options) -> int:
-    """Match the pairs of each set and measure the maps by the Princeton protocol: geodesic errors over √area, ×100."""
+    """Match the pairs of each set and measure the maps by the Princeton protocol: geodesic errors over
+    √area, ×100."""
     from .evaluation import evaluate
 
     result = evaluate(

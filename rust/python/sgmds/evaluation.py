@@ -1,7 +1,7 @@
 """The Princeton protocol over folders of shapes with known correspondences.
 
-A set is a folder with `pairs.txt`, a line "A B" for each map asked for: for every vertex of A a vertex of B, so that B is
-the source and A the target of `match`. For a truth line (a, b) and a map f the error is
+A set is a folder with `pairs.txt`, a line "A B" for each map asked for: for every vertex of A a vertex of B,
+so that B is the source and A the target of `match`. For a truth line (a, b) and a map f the error is
 
     d_B(f(a), b) / √area(B)
 
@@ -9,12 +9,13 @@ with geodesic distances d_B; reported times 100. Sets are read by their layout:
 
     NAME.off, .obj, .ply (also .gz)      meshes
     pairs.txt                            "A B" a line
-    corr/NAME.txt, NAME.sym.txt          vertex ids, line k of A belongs to line k of B, -1 = not there; .sym: sides swapped
+    corr/NAME.txt, NAME.sym.txt          vertex ids, line k of A belongs to line k of B, -1 = not there;
+                                         .sym: the same lines with the sides swapped
     corr/IDENTITY                        patterns of names whose meshes share their vertex order
     corr_pairs/A__B.txt, A__B.sym.txt    two columns "a b"
-    corr_pairs/CLASS__CLASS.txt          the same for all meshes of two classes (name without its final digits)
+    corr_pairs/CLASS__CLASS.txt          the same for all meshes of two classes (name less its final digits)
     samples/CLASS.txt, CLASS.sym.txt     sampled vertices of a class and their partners on the other side
-    maps/METHOD/A__B.txt                 saved maps of other methods, line i the vertex of B for vertex i of A
+    maps/METHOD/A__B.txt                 saved maps of other methods: line i the vertex of B for vertex i of A
 """
 
 from __future__ import annotations
@@ -40,7 +41,8 @@ RIGHT_BELOW = 8.0
 CURVE_THRESHOLDS = np.linspace(0.0, 0.25, 51)
 SAVED = "saved:"
 MISSING_BEYOND = 0.05
-"""A target vertex has no counterpart when it lies farther than this times √area from every vertex that has one."""
+"""A target vertex has no counterpart when it lies farther than this times √area from every vertex that has
+one."""
 
 
 # ------------------------------------------------------------------ reading a set
@@ -48,7 +50,8 @@ MISSING_BEYOND = 0.05
 
 @dataclass(frozen=True)
 class Truth:
-    """Vertices of A and B that belong together, line by line; `swapped_*` with the sides exchanged, where known.
+    """Vertices of A and B that belong together, line by line; `swapped_*` with the sides exchanged, where
+    known.
 
     `all_a` are the vertices of A with a counterpart, all of them, not only the lines asked.
     """
@@ -200,8 +203,8 @@ def surface_area(vertices, faces) -> float:
 class TruthDistances:
     """Geodesic distances on one mesh from the truth's vertices, in units of √area, each row computed once.
 
-    `kind` is "heat" (potpourri3d, within about 1 % of exact) or "exact" (pygeodesic, some ten times slower). With a
-    `cache` folder rows are kept between runs, under the content of the mesh.
+    `kind` is "heat" (potpourri3d, within about 1 % of exact) or "exact" (pygeodesic, some ten times slower).
+    With a `cache` folder rows are kept between runs, under the content of the mesh.
     """
 
     def __init__(self, vertices, faces, kind: str = "heat", cache=None):
@@ -220,7 +223,8 @@ class TruthDistances:
                     self._rows = dict(zip(stored["ids"].tolist(), stored["rows"], strict=True))
 
     def between(self, origins, points) -> np.ndarray:
-        """Distances from `origins[i]` to `points[i]`. Rows of the origins are kept, so put the truth there."""
+        """Distances from `origins[i]` to `points[i]`. Rows of the origins are kept, so put the truth
+        there."""
         missing = [int(i) for i in np.unique(origins) if int(i) not in self._rows]
         if missing:
             for i in missing:
@@ -235,12 +239,17 @@ class TruthDistances:
         )
 
     def from_any(self, origins) -> np.ndarray:
-        """Distance of every vertex to the nearest of the origins."""
-        import potpourri3d
+        """Distance along edges of every vertex to the nearest of the origins: some percent too long, but
+        sound for any number of origins, which the heat method is not."""
+        from scipy.sparse import coo_matrix
+        from scipy.sparse.csgraph import dijkstra
 
-        solver = self._solver if self.kind == "heat" and self._solver else None
-        solver = solver or potpourri3d.MeshHeatMethodDistanceSolver(self.vertices, self.faces)
-        return solver.compute_distance_multisource(np.unique(origins).tolist()) / self.scale
+        ends = np.concatenate([self.faces[:, [0, 1]], self.faces[:, [1, 2]], self.faces[:, [2, 0]]])
+        ends = np.unique(np.sort(ends, axis=1), axis=0)
+        lengths = np.linalg.norm(self.vertices[ends[:, 0]] - self.vertices[ends[:, 1]], axis=1)
+        count = len(self.vertices)
+        graph = coo_matrix((np.maximum(lengths, 1e-300), (ends[:, 0], ends[:, 1])), shape=(count, count))
+        return dijkstra(graph.tocsr(), directed=False, indices=np.unique(origins), min_only=True) / self.scale
 
     def _row(self, origin: int) -> np.ndarray:
         if self.kind == "heat":
@@ -275,7 +284,8 @@ def pair_errors(distances: TruthDistances, images, a, b) -> np.ndarray:
 
 
 def error_summary(errors) -> dict[str, float]:
-    """Mean ×100, fractions below 0.25, 0.10 and 0.05 among the matched lines, and the share of matched lines."""
+    """Mean ×100, fractions below 0.25, 0.10 and 0.05 among the matched lines, and the share of matched
+    lines."""
     known = errors[~np.isnan(errors)]
     if len(known) == 0:
         nothing = float("nan")
@@ -296,8 +306,8 @@ def error_summary(errors) -> dict[str, float]:
 
 
 def sparsification(errors, confidence) -> dict[str, float]:
-    """How well confidence sorts the errors: mean ×100 of the most confident half, beside the best possible half, and
-    the area between the two curves "mean error of the most confident share" (0 = perfect)."""
+    """How well confidence sorts the errors: mean ×100 of the most confident half, beside the best possible
+    half, and the area between the two curves "mean error of the most confident share" (0 = perfect)."""
     known = ~np.isnan(errors)
     errors, confidence = errors[known], confidence[known]
     if len(errors) == 0:
@@ -349,7 +359,10 @@ class PairResult:
         return text
 
 
-ROW_HEADER = f"{'A (target)':>22} {'B (source)':<22} {'direct':>6} {'swapped':>6} {'status':<8} {'grade':<6}{'time':>8}"
+ROW_HEADER = (
+    f"{'A (target)':>22} {'B (source)':<22} {'direct':>6} {'swapped':>6} {'status':<8} "
+    f"{'grade':<6}{'time':>8}"
+)
 
 
 @dataclass
@@ -395,20 +408,25 @@ class SetResult:
     def text(self) -> str:
         s = self.summary()
         lines = [
-            f"{self.name}, method {self.method}: mean direct {s['direct']:.2f}, best of both sides {s['best']:.2f}, "
-            f"median {s['median']:.2f}, worst {s['worst']:.2f} (×100, {self.distances} distances)",
-            f"  {s['right']} of {s['pairs']} right (below {self.bound:g}; their mean {s['direct_of_right']:.2f}), "
-            f"{s['mirrored']} mirrored, {s['broken']} broken, {s['failed']} failed",
-            f"  below 0.25 / 0.10 / 0.05: {s['under_0.25']:.3f} / {s['under_0.10']:.3f} / {s['under_0.05']:.3f}",
-            f"  median time: match {s['median_seconds']:.2f} s, preparing a shape {s['median_prepare_seconds']:.2f} s",
+            f"{self.name}, method {self.method}: mean direct {s['direct']:.2f}, "
+            f"best of both sides {s['best']:.2f}, median {s['median']:.2f}, worst {s['worst']:.2f} "
+            f"(×100, {self.distances} distances)",
+            f"  {s['right']} of {s['pairs']} right (below {self.bound:g}; their mean "
+            f"{s['direct_of_right']:.2f}), {s['mirrored']} mirrored, {s['broken']} broken, "
+            f"{s['failed']} failed",
+            f"  below 0.25 / 0.10 / 0.05: {s['under_0.25']:.3f} / {s['under_0.10']:.3f} / "
+            f"{s['under_0.05']:.3f}",
+            f"  median time: match {s['median_seconds']:.2f} s, preparing a shape "
+            f"{s['median_prepare_seconds']:.2f} s",
         ]
         if s["grades"]:
             grades = ", ".join(f"{n} {g}" for g, n in s["grades"].items())
             lines.append(f"  grades: {grades}; green among the wrong: {s['wrong_but_green']}")
         if "confident_half" in s:
             lines.append(
-                f"  confidence: best half {s['confident_half']:.2f} (ideal {s['ideal_half']:.2f}), area under the "
-                f"sparsification curve {s['sparsification_ours']:.2f} (ideal {s['sparsification_ideal']:.2f})"
+                f"  confidence: best half {s['confident_half']:.2f} (ideal {s['ideal_half']:.2f}), "
+                f"area under the sparsification curve {s['sparsification_ours']:.2f} "
+                f"(ideal {s['sparsification_ideal']:.2f})"
             )
         if "missing_doubted" in s:
             lines.append(
@@ -419,7 +437,8 @@ class SetResult:
         return "\n".join(lines)
 
     def curves(self) -> dict[str, np.ndarray]:
-        """Share of truth lines within each of `CURVE_THRESHOLDS`: ours, and each saved method's on its pairs."""
+        """Share of truth lines within each of `CURVE_THRESHOLDS`: ours, and each saved method's on its
+        pairs."""
         curves = {self.method: [p.errors for p in self.pairs]} | self.saved
         return {name: _curve(np.concatenate(errors)) for name, errors in curves.items() if errors}
 
@@ -515,15 +534,16 @@ def evaluate(
 ) -> Evaluation:
     """Match the pairs of one or more sets and measure the maps by the Princeton protocol.
 
-    `folder` is a set or holds several, of which `set` picks some; `limit` takes the first pairs of each. `method` is
-    "auto" or "paper", "saved:NAME" for the maps stored with the set, or a callable `(source, target) -> vertex ids`
-    given (vertices, faces) twice. A pair is *right* when its direct error ×100 is below `bound`, else *mirrored* when the
-    error against the swapped truth is, else *broken*. `distances` is "heat" or "exact", `lines` the truth lines
-    asked of a pair, `reverse` turns every pair round, `compare` measures saved maps of other methods on the same pairs
-    too, `cache` is a folder that keeps truth distances between runs. `report` receives each line of the table.
-    Everything else goes to `match`.
+    `folder` is a set or holds several, of which `set` picks some; `limit` takes the first pairs of each.
+    `method` is "auto" or "paper", "saved:NAME" for the maps stored with the set, or a callable `(source,
+    target) -> vertex ids` given (vertices, faces) twice. A pair is *right* when its direct error ×100 is
+    below `bound`, else *mirrored* when the error against the swapped truth is, else *broken*. `distances` is
+    "heat" or "exact", `lines` the truth lines asked of a pair, `reverse` turns every pair round, `compare`
+    measures saved maps of other methods on the same pairs too, `cache` is a folder that keeps truth
+    distances between runs. `report` receives each line of the table. Everything else goes to `match`.
 
-    Each shape is prepared once and let go after its last pair. A pair that cannot be matched is listed in `failed`.
+    Each shape is prepared once and let go after its last pair. A pair that cannot be matched is listed in
+    `failed`.
     """
     names = [set] if isinstance(set, str) else set
     result = Evaluation()
@@ -634,13 +654,15 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
 
 
 def _missing_parts(on_a: TruthDistances, present, confidence) -> dict[str, float]:
-    """Where A is more than B: how many vertices without a counterpart are doubted, how many others trusted."""
+    """Where A is more than B: how many vertices without a counterpart are doubted, how many others
+    trusted."""
     has_truth = np.zeros(len(confidence), dtype=bool)
     has_truth[present] = True
     if has_truth.all():
         return {}
     missing = on_a.from_any(present) > MISSING_BEYOND
-    # A truth given on scattered samples leaves gaps of that size by chance; a missing part is larger than that.
+    # A truth given on scattered samples leaves gaps of that size by chance; a missing part is larger than
+    # that.
     if missing.mean() < 0.01:
         return {}
     return {
@@ -650,7 +672,8 @@ def _missing_parts(on_a: TruthDistances, present, confidence) -> dict[str, float
 
 
 class _ShapePool:
-    """Meshes, prepared shapes and truth distances, each made when first needed and dropped after its last pair."""
+    """Meshes, prepared shapes and truth distances, each made when first needed and dropped after its last
+    pair."""
 
     def __init__(self, shapes: ShapeSet, pairs, distances: str, cache, prepared: bool):
         self._shapes, self._kind, self._cache, self._prepared = shapes, distances, cache, prepared

@@ -17,7 +17,8 @@ GZIPPED = ("off", "obj", "ply")
 
 
 def mesh_format(path) -> str:
-    """Format of a mesh file by its name: `"obj"`, `"off"`, … or `"obj.gz"`, …; empty when it is none of ours."""
+    """Format of a mesh file by its name: `"obj"`, `"off"`, … or `"obj.gz"`, …; empty when it is none of
+    ours."""
     suffixes = [s.lstrip(".").lower() for s in Path(path).suffixes]
     if suffixes and suffixes[-1] in FORMATS:
         return suffixes[-1]
@@ -34,11 +35,12 @@ def mesh_name(path) -> str:
 def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) float64 and triangles (m, 3) int64 of a mesh file.
 
-    Polygons are cut into fans from their first corner. Vertices keep the order of the file, unused ones too. STL has
-    no vertices of its own, only corners: equal ones are joined, in order of first appearance. A GLB scene comes in
-    world space, its meshes one after the other.
+    Polygons are cut into fans from their first corner. Vertices keep the order of the file, unused ones too.
+    STL has no vertices of its own, only corners: equal ones are joined, in order of first appearance. A GLB
+    scene comes in world space, its meshes one after the other.
 
-    Raises `MeshError` naming the file and the reason; what a mesh must satisfy to be matched is checked by `Shape`.
+    Raises `MeshError` naming the file and the reason; what a mesh must satisfy to be matched is checked by
+    `Shape`.
     """
     from sgmds import MeshError
 
@@ -66,7 +68,8 @@ def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
     if faces.min() < 0 or faces.max() >= len(vertices):
         bad = int(np.argmax(((faces < 0) | (faces >= len(vertices))).any(axis=1)))
         raise MeshError(
-            f"{path}: triangle {bad} names a vertex outside 0…{len(vertices) - 1}; the file is damaged or cut short"
+            f"{path}: triangle {bad} names a vertex outside 0…{len(vertices) - 1}; "
+            "the file is damaged or cut short"
         )
     return vertices, faces
 
