@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The built zip in a Blender with an empty user folder, where no other core can be imported."""
+
+import os
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+# The test's own Python has the core installed: an import hook hides that one until Blender brings the zip's.
+INSTALL_AND_USE = """
+import sys, sysconfig
+from importlib.machinery import PathFinder
+own = sysconfig.get_paths()["purelib"]
+class WithoutOwnCore:
+    def find_spec(name, path=None, target=None):
+        if name == "sgmds":
+            return PathFinder.find_spec(name, [p for p in sys.path if p.startswith({user!r})])
+sys.meta_path = [finder for finder in sys.meta_path if "editable" not in repr(finder).lower()]
+sys.meta_path.insert(0, WithoutOwnCore)
+try:
+    import sgmds
+    raise SystemExit("another core can be imported: " + sgmds.__file__)
+except ImportError:
+    pass
+import bpy
+bpy.ops.extensions.package_install_files(filepath={zip!r}, repo="user_default", enable_on_install=True)
+assert "bl_ext.user_default.spectral_match" in bpy.context.preferences.addons, "not enabled"
+import sgmds
+assert sgmds.__file__.startswith({user!r}), sgmds.__file__
+bpy.ops.mesh.primitive_ico_sphere_add(subdivisions=4)
+target = bpy.context.object
+for vertex in target.data.vertices:
+    vertex.co.x *= 1.0 + 0.7 * max(vertex.co.x, 0.0)
+    vertex.co.z *= 1.3 + 0.2 * vertex.co.y
+source = bpy.data.objects.new("Source", target.data.copy())
+bpy.context.collection.objects.link(source)
+bpy.context.view_layer.update()
+bpy.context.view_layer.objects.active = source
+source.select_set(True)
+assert bpy.ops.spectral_match.match() == {{"FINISHED"}}
+assert len(target.data.attributes["match_face"].data) == len(target.data.vertices)
+print("core loaded from", sgmds.__file__)
+bpy.ops.preferences.addon_disable(module="bl_ext.user_default.spectral_match")
+"""
+
+
+@pytest.fixture(scope="session")
+def extension(tmp_path_factory):
+    """The zip, built from this tree."""
+    folder = tmp_path_factory.mktemp("dist")
+    build = [sys.executable, str(ROOT / ".ci" / "build_extension.py"), "--output-dir", str(folder)]
+    subprocess.run(build, check=True)
+    return next(folder.glob("spectral_match-*.zip"))
+
+
+def test_zip_holds_the_addon_and_one_wheel(extension):
+    names = zipfile.ZipFile(extension).namelist()
+    assert "blender_manifest.toml" in names and "__init__.py" in names
+    wheels = [name for name in names if name.endswith(".whl")]
+    assert len(wheels) == 1 and "abi3" in wheels[0]
+    assert not [name for name in names if "__pycache__" in name or "numpy" in name]
+
+
+def test_zip_works_in_an_empty_user_folder(extension, tmp_path):
+    user = tmp_path / "user"
+    user.mkdir()
+    script = INSTALL_AND_USE.format(user=str(user), zip=str(extension))
+    environment = {**os.environ, "BLENDER_USER_RESOURCES": str(user)}
+    environment.pop("PYTHONPATH", None)
+    ended = subprocess.run(
+        [sys.executable, "-c", script],
+        env=environment,
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    print(ended.stdout)
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    assert f"core loaded from {user}" in ended.stdout
