@@ -3,8 +3,8 @@
 
 import bpy
 
+from . import command_line, operators, panels, preferences, properties, stored_match
 from . import job as job_module
-from . import operators, panels, preferences, properties, stored_match
 
 
 def register():
@@ -13,11 +13,13 @@ def register():
     for cls in (*operators.CLASSES, *panels.CLASSES):
         bpy.utils.register_class(cls)
     stored_match.register()
+    command_line.register()
 
 
 def unregister():
     if job_module.current is not None:
         job_module.current.cancel()
+    command_line.unregister()
     stored_match.unregister()
     for cls in reversed((*operators.CLASSES, *panels.CLASSES)):
         bpy.utils.unregister_class(cls)

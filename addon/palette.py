@@ -20,8 +20,8 @@ _RGB_FROM_CONES = np.array(
 )
 # Hue runs over less than a full turn, so that head and feet do not meet in one colour.
 FIRST_HUE, LAST_HUE = np.radians(285.0), np.radians(-15.0)
-DARKEST, LIGHTEST = 0.52, 0.88
-DULLEST, STRONGEST = 0.11, 0.19
+DARKEST, LIGHTEST = 0.50, 0.88
+DULLEST, STRONGEST = 0.06, 0.18
 
 # Certain to doubtful, linear sRGB: deep blue, grey, bright yellow. Lightness rises all the way, and blue to
 # yellow is the axis that red-green blindness leaves intact.

@@ -2,7 +2,7 @@
 """Settings of the user, not of a file."""
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+from bpy.props import EnumProperty, IntProperty
 from bpy.types import AddonPreferences
 
 
@@ -26,26 +26,12 @@ class SPECTRAL_MATCH_preferences(AddonPreferences):
         default="COLOURS",
         description="What the viewport shows when a match is done",
     )
-    keep_shapes: BoolProperty(
-        name="Keep Prepared Shapes",
-        default=False,
-        description="Save each shape's preparation in the cache folder, so that matching it again is faster",
-    )
-    cache_folder: StringProperty(
-        name="Cache Folder",
-        subtype="DIR_PATH",
-        description="Where prepared shapes are kept. Empty: the add-on's folder among Blender's user files",
-    )
 
     def draw(self, _context):
         layout = self.layout
         layout.use_property_split = True
         layout.prop(self, "threads")
         layout.prop(self, "show_after_match")
-        layout.prop(self, "keep_shapes")
-        folder = layout.column()
-        folder.active = self.keep_shapes
-        folder.prop(self, "cache_folder")
 
 
 class _Defaults:
@@ -53,8 +39,6 @@ class _Defaults:
 
     threads = 0
     show_after_match = "COLOURS"
-    keep_shapes = False
-    cache_folder = ""
 
 
 def of(context):

@@ -117,23 +117,9 @@ class SPECTRAL_MATCH_PG_settings(PropertyGroup):
         name="UV Maps", default=True, description="Carry UV maps, cut where the source's seams fall"
     )
     use_colours: BoolProperty(name="Color Attributes", default=True, description="Carry painted colors")
-    use_shape_keys: BoolProperty(
-        name="Shape Keys", default=False, description="Carry shape keys, turned with the surface"
-    )
-    use_attributes: BoolProperty(
-        name="Other Attributes", default=False, description="Carry every other attribute"
-    )
-    use_materials: BoolProperty(
-        name="Materials",
-        default=False,
-        description="Give the target the source's material slots and faces their materials",
-    )
     open_groups: BoolProperty(name="Show", description="List the vertex groups one by one")
     open_uv: BoolProperty(name="Show", description="List the UV maps one by one")
     open_colours: BoolProperty(name="Show", description="List the color attributes one by one")
-    open_shape_keys: BoolProperty(name="Show", description="List the shape keys one by one")
-    open_attributes: BoolProperty(name="Show", description="List the attributes one by one")
-    open_materials: BoolProperty(name="Show", description="List the material slots one by one")
     skipped: CollectionProperty(type=SPECTRAL_MATCH_PG_skipped)
 
     limit_total: BoolProperty(

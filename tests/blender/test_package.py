@@ -13,14 +13,15 @@ ROOT = Path(__file__).resolve().parents[2]
 
 # The test's own Python has the core installed: an import hook hides that one until Blender brings the zip's.
 INSTALL_AND_USE = """
-import sys, sysconfig
+import sys
 from importlib.machinery import PathFinder
-own = sysconfig.get_paths()["purelib"]
 class WithoutOwnCore:
     def find_spec(name, path=None, target=None):
         if name == "sgmds":
-            return PathFinder.find_spec(name, [p for p in sys.path if p.startswith({user!r})])
-sys.meta_path = [finder for finder in sys.meta_path if "editable" not in repr(finder).lower()]
+            found = PathFinder.find_spec(name, [place for place in sys.path if place.startswith({user!r})])
+            if found is None:
+                raise ModuleNotFoundError("no core", name=name)
+            return found
 sys.meta_path.insert(0, WithoutOwnCore)
 try:
     import sgmds
