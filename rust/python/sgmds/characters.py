@@ -390,7 +390,7 @@ def _mesh(body: Body, resolution: int, seed: int) -> tuple[np.ndarray, np.ndarra
     vertices, faces = _march(body, spacing, seed)
     vertices = _relax(body, vertices, faces)
     for _ in range(levels):
-        vertices, faces = _subdivide(vertices, faces)
+        vertices, faces = subdivide(vertices, faces)
         vertices = _project(body, vertices)
     return vertices, faces
 
@@ -444,7 +444,7 @@ def _project(body: Body, vertices, steps: int = 3) -> np.ndarray:
     return _in_blocks(newton, vertices)
 
 
-def _subdivide(vertices, faces) -> tuple[np.ndarray, np.ndarray]:
+def subdivide(vertices, faces) -> tuple[np.ndarray, np.ndarray]:
     edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
     edges, ids = np.unique(edges, axis=0, return_inverse=True)
     middles = vertices[edges].mean(axis=1)

@@ -1,0 +1,107 @@
+"""The protocol on a folder made here, against a second computation of it by other means."""
+
+import numpy as np
+import pytest
+import sgmds
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import dijkstra
+from sgmds import characters
+from sgmds.evaluation import evaluate, find_sets, sparsification
+
+
+def write_off(path, vertices, faces):
+    lines = ["OFF", f"{len(vertices)} {len(faces)} 0"]
+    lines += [" ".join(repr(float(x)) for x in v) for v in vertices]
+    lines += [f"3 {a} {b} {c}" for a, b, c in faces]
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory, slender, stout):
+    """A set of two shapes in `corr` form, with a line that does not exist on one, and a saved map."""
+    root = tmp_path_factory.mktemp("sets") / "BODIES"
+    (root / "corr").mkdir(parents=True)
+    (root / "maps" / "TRUE").mkdir(parents=True)
+    ids, images = characters.truth_vertices(stout, slender)
+    for name, shape, column in (("stout1", stout, ids), ("slender1", slender, images)):
+        write_off(root / f"{name}.off", shape.vertices, shape.faces)
+        column = np.append(column, -1 if name == "stout1" else 5)
+        np.savetxt(root / "corr" / f"{name}.txt", column, fmt="%d")
+        np.savetxt(root / "corr" / f"{name}.sym.txt", column[::-1], fmt="%d")
+    (root / "pairs.txt").write_text("stout1 slender1\n\n")
+    saved = np.full(len(stout.vertices), -1)
+    saved[ids] = images
+    np.savetxt(root / "maps" / "TRUE" / "stout1__slender1.txt", saved, fmt="%d")
+    return root
+
+
+def test_true_map_has_no_error(folder):
+    pair = evaluate(folder, method="saved:TRUE").pairs[0]
+    assert pair.direct == 0 and pair.status == "right" and pair.matched == 1 and pair.lines == 400
+
+
+def test_error_agrees_with_shortest_paths(folder, slender, stout):
+    """A map to a neighbour some edges away: the heat method against Dijkstra's on the mesh's edges."""
+    shift = 40
+
+    def away(source, target):
+        ids, images = characters.truth_vertices(stout, slender)
+        answer = np.zeros(len(target[0]), dtype=int)
+        answer[ids] = np.roll(images, shift)
+        return answer
+
+    pair = evaluate(folder, method=away, lines=None).pairs[0]
+    ids, images = characters.truth_vertices(stout, slender)
+    faces, vertices = slender.faces, slender.vertices
+    ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
+    lengths = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1)
+    graph = coo_matrix((lengths / 2, ends.T), shape=(len(vertices),) * 2).tocsr()
+    graph = graph + graph.T
+    rows = dijkstra(graph, indices=images)
+    edges = vertices[faces[:, 1]] - vertices[faces[:, 0]], vertices[faces[:, 2]] - vertices[faces[:, 0]]
+    area = np.linalg.norm(np.cross(*edges), axis=1).sum() / 2
+    expected = 100 * rows[np.arange(len(ids)), np.roll(images, shift)].mean() / np.sqrt(area)
+    # Paths along edges are up to 15 % too long, never too short; the heat method is within 1 %.
+    assert 0.85 * expected < pair.direct < 1.01 * expected
+
+
+def test_lines_are_spread_evenly_and_missing_ones_left_out(folder):
+    shapes = find_sets(folder.parent, ["BODIES"])[0]
+    whole = shapes.truth("stout1", "slender1", 0, lines=None)
+    some = shapes.truth("stout1", "slender1", 0, lines=50)
+    assert (whole.a >= 0).all() and (whole.b >= 0).all()
+    assert np.array_equal(some.a, whole.a[np.linspace(0, len(whole.a) - 1, 50).astype(int)])
+
+
+def test_reverse_asks_the_other_way(folder):
+    pair = evaluate(folder, method=lambda source, target: np.zeros(len(target[0]), int), reverse=True).pairs[
+        0
+    ]
+    assert (pair.a, pair.b) == ("slender1", "stout1")
+    assert pair.status == "broken"
+
+
+def test_matcher_is_measured_and_written(folder, tmp_path):
+    lines = []
+    result = evaluate(folder, limit=1, compare=True, cache=tmp_path / "cache", report=lines.append)
+    pair = result.pairs[0]
+    assert pair.status == "right" and pair.grade in ("green", "amber", "red")
+    assert any("stout1" in line for line in lines)
+    assert set(result.sets[0].curves()) == {"auto", "TRUE"}
+    assert len(list((tmp_path / "cache").iterdir())) == 1
+    assert result.as_json()["sets"]["BODIES"]["summary"]["right"] == 1
+    result.plot(tmp_path / "curves.svg")
+    assert (tmp_path / "curves.svg").read_text().startswith("<?xml")
+
+
+def test_errors_are_told(folder, tmp_path):
+    with pytest.raises(sgmds.SgmdsError, match="no such folder"):
+        evaluate(tmp_path / "none")
+    with pytest.raises(sgmds.SgmdsError, match="BODIES"):
+        evaluate(folder.parent, set="OTHER")
+
+
+def test_perfect_confidence_leaves_no_gap():
+    errors = np.random.default_rng(0).random(100)
+    figures = sparsification(errors, -errors)
+    assert figures["sparsification_gap"] == 0 and figures["confident_half"] == figures["ideal_half"]

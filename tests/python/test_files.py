@@ -1,0 +1,110 @@
+"""Mesh files: the vertex order of the file, polygons fanned, damaged files named."""
+
+import gzip
+import struct
+
+import numpy as np
+import pytest
+from sgmds import MeshError
+from sgmds.files import read_mesh
+
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
+FAN = np.array([[0, 1, 2], [0, 2, 3]])
+
+
+def same(path, vertices=SQUARE, faces=FAN):
+    read_vertices, read_faces = read_mesh(path)
+    assert read_vertices.dtype == np.float64 and read_faces.dtype == np.int64
+    # float32 in binary files
+    np.testing.assert_allclose(read_vertices, vertices, rtol=1e-6)
+    # A reader may start a triangle at another corner, not turn it round.
+    turned = [np.roll(read_faces, shift, axis=1) for shift in range(3)]
+    assert all(any((t[i] == face).all() for t in turned) for i, face in enumerate(faces))
+
+
+TEXTS = {
+    "plain.off": "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n",
+    "one_line_header.off": "OFF 4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n",
+    "comments.off": "OFF\n# made by hand\n4 2 0\n0 0 0\n1 0 0 # right\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n",
+    "positions.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
+    "negative.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1\n",
+    "continued.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\n3 4\n",
+    "seams.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n"
+    "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nvt .5 .5\nvn 0 0 1\n"
+    "f 1/1/1 2/2/1 3/3/1\nf 1/5/1 3/4/1 4/1/1\n",
+    "text.ply": "ply\nformat ascii 1.0\nelement vertex 4\n"
+    "property float x\nproperty float y\nproperty float z\n"
+    "element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    "0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n",
+}
+
+
+@pytest.mark.parametrize("name", TEXTS)
+@pytest.mark.parametrize("zipped", [False, True])
+def test_text_formats(tmp_path, name, zipped):
+    path = tmp_path / (name + (".gz" if zipped else ""))
+    data = TEXTS[name].encode()
+    path.write_bytes(gzip.compress(data) if zipped else data)
+    same(path)
+
+
+def test_windows_line_ends(tmp_path):
+    path = tmp_path / "square.OBJ"
+    path.write_bytes(TEXTS["positions.obj"].replace("\n", "\r\n").encode())
+    same(path)
+
+
+def test_binary_ply_keeps_order_and_unused_vertices(tmp_path):
+    vertices = np.concatenate([[[9, 9, 9]], SQUARE, [[8, 8, 8]]])
+    header = (
+        "ply\nformat binary_little_endian 1.0\nelement vertex 6\nproperty float x\nproperty float y\n"
+        "property float z\nelement face 2\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    body = vertices.astype("<f4").tobytes()
+    body += b"".join(
+        struct.pack("<B3i", 3, *(face + 1)) for face in FAN.tolist() for face in [np.array(face)]
+    )
+    path = tmp_path / "square.ply"
+    path.write_bytes(header.encode() + body)
+    same(path, vertices, FAN + 1)
+
+
+def test_stl_corners_are_joined(tmp_path):
+    path = tmp_path / "square.stl"
+    triangles = b"".join(struct.pack("<12fH", 0, 0, 1, *SQUARE[face].reshape(-1), 0) for face in FAN)
+    path.write_bytes(bytes(80) + struct.pack("<I", 2) + triangles)
+    same(path)
+
+
+def test_glb(tmp_path):
+    trimesh = pytest.importorskip("trimesh")
+    path = tmp_path / "square.glb"
+    trimesh.Trimesh(SQUARE, FAN, process=False).export(path)
+    same(path)
+
+
+@pytest.mark.parametrize(
+    "name, data, reason",
+    [
+        ("a.xyz", b"", "unknown kind"),
+        ("a.off", b"", "cannot be read|no vertices"),
+        ("a.off", b"OFF\n0 0 0\n", "cannot be read|no vertices"),
+        ("a.off", b"OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "no faces"),
+        ("a.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "outside|cannot be read"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "triangle 0 names a vertex outside"),
+        ("a.obj", b"v 0 0\nf 1 2 3\n", "line 1"),
+        ("a.obj.gz", b"not gzip", "gzip"),
+        ("a.ply", b"ply\n", "cannot be read"),
+    ],
+)
+def test_bad_files_name_file_and_reason(tmp_path, name, data, reason):
+    path = tmp_path / name
+    path.write_bytes(data)
+    with pytest.raises(MeshError, match=reason) as caught:
+        read_mesh(path)
+    assert str(path) in str(caught.value)
+
+
+def test_missing_file(tmp_path):
+    with pytest.raises(MeshError, match="No such file"):
+        read_mesh(tmp_path / "none.off")

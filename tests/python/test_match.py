@@ -1,0 +1,113 @@
+"""The whole chain on generated characters."""
+
+import numpy as np
+import pytest
+import sgmds
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+from sgmds import characters
+from sgmds.evaluation import TruthDistances
+
+
+@pytest.fixture(scope="module")
+def source(slender):
+    return sgmds.Shape(slender.vertices, slender.faces)
+
+
+@pytest.fixture(scope="module")
+def corr(source, stout):
+    return sgmds.match(source, (stout.vertices, stout.faces))
+
+
+def test_two_characters(corr, slender, stout):
+    ids, truth = characters.truth_vertices(stout, slender)
+    chosen = np.linspace(0, len(ids) - 1, 200).astype(int)
+    distances = TruthDistances(slender.vertices, slender.faces)
+    # The bound that the demo keeps, too.
+    assert 100 * distances.between(truth[chosen], corr.vertices[ids[chosen]]).mean() < 8
+
+
+def test_result_has_the_promised_form(corr, slender, stout):
+    count = len(stout.vertices)
+    assert corr.faces.shape == corr.vertices.shape == corr.confidence.shape == (count,)
+    assert corr.barycentric.shape == (count, 3)
+    assert (corr.barycentric >= 0).all()
+    np.testing.assert_allclose(corr.barycentric.sum(axis=1), 1, atol=1e-12)
+    assert (0 <= corr.confidence).all() and (corr.confidence <= 1).all()
+    assert corr.quality.grade in ("green", "amber", "red")
+    corners = slender.faces[corr.faces]
+    assert (corners == corr.vertices[:, None]).any(axis=1).all()
+
+
+def test_transfer_is_the_barycentric_mean_and_keeps_constants(corr, slender):
+    carried = corr.transfer(slender.vertices)
+    corners = slender.vertices[slender.faces[corr.faces]]
+    np.testing.assert_allclose(carried, np.einsum("ni,nij->nj", corr.barycentric, corners), atol=1e-12)
+    np.testing.assert_allclose(corr.transfer(np.ones(len(slender.vertices))), 1, atol=1e-12)
+
+
+def test_saved_map_comes_back(corr, tmp_path):
+    corr.save(tmp_path / "map.npz")
+    again = sgmds.Correspondence.load(tmp_path / "map.npz")
+    for name in ("faces", "barycentric", "vertices", "confidence"):
+        assert np.array_equal(getattr(again, name), getattr(corr, name))
+
+
+def test_same_answer_for_any_number_of_threads(source, stout, corr):
+    again = sgmds.match(source, (stout.vertices, stout.faces), threads=1)
+    assert np.array_equal(again.faces, corr.faces) and np.array_equal(again.barycentric, corr.barycentric)
+
+
+@given(seed=st.integers(0, 2**32 - 1), exponent=st.floats(-3, 3))
+def test_property_moved_scaled_renumbered_copy_returns_the_renumbering(source, slender, seed, exponent):
+    random = np.random.default_rng(seed)
+    order = random.permutation(len(slender.vertices))
+    new_id = np.argsort(order)
+    vertices = slender.vertices[order] @ Rotation.random(random_state=seed % 2**31).as_matrix().T
+    vertices = vertices * 10**exponent + random.normal(size=3)
+    faces = new_id[slender.faces][random.permutation(len(slender.faces))]
+    answer = sgmds.match(source, (vertices, faces)).vertices
+    missed = answer != order
+    # Two vertices may tie where the surface is locally symmetric; then the answer is a neighbour.
+    assert missed.mean() < 0.01
+    gap = np.linalg.norm(slender.vertices[answer] - slender.vertices[order], axis=1)
+    assert gap.max() < 0.1
+
+
+def test_cancelling(source, stout):
+    with pytest.raises(sgmds.Cancelled):
+        sgmds.match(source, (stout.vertices, stout.faces), progress=lambda stage, fraction: False)
+
+
+@pytest.mark.parametrize(
+    "vertices, faces",
+    [
+        (np.zeros((0, 3)), np.zeros((0, 3), int)),
+        (np.full((3, 3), np.nan), np.array([[0, 1, 2]])),
+        (np.eye(3), np.array([[0, 1, 3]])),
+        (np.eye(3), np.array([[0, 1, -1]])),
+        (np.eye(3)[:, :2], np.array([[0, 1, 2]])),
+    ],
+)
+def test_bad_meshes_are_refused(vertices, faces):
+    with pytest.raises(sgmds.SgmdsError):
+        sgmds.Shape(vertices, faces)
+
+
+@given(
+    count=st.integers(0, 12),
+    triangles=st.lists(st.tuples(*[st.integers(-2, 14)] * 3), max_size=20),
+    seed=st.integers(0, 1000),
+)
+def test_property_any_small_mesh_is_matched_or_refused(count, triangles, seed):
+    vertices = np.random.default_rng(seed).normal(size=(count, 3))
+    faces = np.array(triangles, dtype=int).reshape(-1, 3)
+    try:
+        shape = sgmds.Shape(vertices, faces)
+        corr = sgmds.match(shape, shape)
+    except sgmds.InternalError:
+        raise
+    except sgmds.SgmdsError:
+        return
+    assert np.isfinite(corr.barycentric).all()
