@@ -18,16 +18,12 @@ const WAVE_FLOOR: f64 = 1e-3;
 const CURVATURE_LIMIT: f64 = 50.0;
 /// Heat time that smooths the curvature column; unit area.
 const CURVATURE_HEAT_TIME: f64 = 3e-3;
-/// Heat time of the curvature by which whole maps are compared.
-const JUDGED_CURVATURE_HEAT_TIME: f64 = 1e-3;
 
 /// Pointwise descriptors of every vertex.
 #[derive(Debug, Clone)]
 pub struct Descriptors {
     /// `(n, 61)`: 60 logarithmic wave kernel values, then smoothed mean curvature.
     pub rows: Rows,
-    /// Mean curvature smoothed lightly, signed by the volume, in 1/length; `(n)`.
-    pub curvature: Vec<f32>,
 }
 
 impl Descriptors {
@@ -58,11 +54,7 @@ impl Descriptors {
             }
             row[WAVE_ENERGIES] = (coarse[i] / scale) as f32;
         }
-        let curvature = diffused(&raw, mass, values, functions, JUDGED_CURVATURE_HEAT_TIME)
-            .iter()
-            .map(|&h| h as f32)
-            .collect();
-        Self { rows, curvature }
+        Self { rows }
     }
 }
 

@@ -33,7 +33,7 @@ const DESCRIPTOR_WEIGHT: f32 = 0.7;
 /// Tikhonov weight of a fit, per sample.
 const FIT_RIDGE: f64 = 1e-3;
 /// Maps closer than this, as a mean geodesic distance at unit area, lie in one basin.
-const BASIN: f64 = 0.15;
+const BASIN: f64 = 0.08;
 /// Ratio of neighbouring eigenvalues below which their functions may come mixed.
 const NEARLY_DOUBLE: f64 = 1.15;
 /// Number of eigenfunctions from which on maps are also tried with their front and back turned,
@@ -45,7 +45,7 @@ const ORIENTATION_FUNCTIONS: usize = 8;
 /// Below this size the orientation of a right map is as good as random.
 const ORIENTED_FROM: usize = 15;
 /// A map's energy is weighted by this less its orientation.
-const ORIENTATION_OFFSET: f64 = 2.0;
+const ORIENTATION_OFFSET: f64 = 1.2;
 /// Maps closer than this are the same.
 const SAME: f64 = 0.03;
 

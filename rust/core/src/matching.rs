@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use faer::{Mat, MatRef};
+use rayon::prelude::*;
 
 use crate::confidence::confidence;
 use crate::dense::{self, Rows};
@@ -11,7 +12,7 @@ use crate::error::{Error, Result};
 use crate::map_search::{self, SampledPair, Width};
 use crate::pointwise_map::{self, SurfacePoint};
 use crate::progress::Progress;
-use crate::refinement::embedded_surface::{self, Refined};
+use crate::refinement::embedded_surface::{self, Refined, Side};
 use crate::refinement::propagation::Images;
 use crate::selection::{self, Figures, Mirror};
 use crate::shape::Shape;
@@ -24,6 +25,9 @@ const PAPER_SIZE: usize = 30;
 const FUNCTIONAL_MAP_SIZE: usize = 60;
 /// Ridge of that map's fit.
 const FUNCTIONAL_MAP_RIDGE: f64 = 1e-3;
+
+/// Close hypotheses completed at most.
+const MOST_COMPLETED: usize = 3;
 
 /// Which algorithm.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -119,7 +123,7 @@ pub fn match_shapes(
             let pair = SampledPair::new(target, source);
             let candidates = pair.search(Width::default(), progress)?;
             report("selection", 0.35)?;
-            let mut voted = selection::vote(
+            let hypotheses: Vec<Hypothesis> = selection::vote(
                 target,
                 source,
                 &candidates,
@@ -131,18 +135,39 @@ pub fn match_shapes(
             .map(|v| Hypothesis {
                 matrix: v.matrix,
                 figures: v.figures,
-            });
-            let chosen = voted.next().ok_or(Error::NoMap {
-                reason: "no candidate stood in the vote".into(),
-            })?;
-            let others: Vec<Hypothesis> = voted.collect();
-            let mut found = completed(source, target, &chosen, progress, &|s, f| {
+            })
+            .collect();
+            clearest(source, target, hypotheses, progress, &|s, f| {
                 report(s, 0.6 + 0.4 * f)
-            })?;
-            found.others = others;
-            Ok(found)
+            })
         }
     }
+}
+
+/// The best hypothesis completed. Close ones are all completed and ranked anew by their refined
+/// maps; the others are kept as alternatives.
+fn clearest(
+    source: &Shape,
+    target: &Shape,
+    mut hypotheses: Vec<Hypothesis>,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Correspondence> {
+    let close = selection::rivals(&hypotheses, |h| &h.figures).min(MOST_COMPLETED);
+    let completed: Vec<(f64, Correspondence)> = hypotheses[..close]
+        .par_iter()
+        .map(|h| completed_and_ranked(source, target, h, progress, report))
+        .collect::<Result<_>>()?;
+    let (best, (_, mut found)) = completed
+        .into_iter()
+        .enumerate()
+        .min_by(|(_, (a, _)), (_, (b, _))| a.total_cmp(b))
+        .ok_or(Error::NoMap {
+            reason: "no candidate stood in the vote".into(),
+        })?;
+    hypotheses.remove(best);
+    found.others = hypotheses;
+    Ok(found)
 }
 
 /// Final refinement and dense map of a hypothesis.
@@ -156,6 +181,17 @@ pub fn completed(
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
+    completed_and_ranked(source, target, hypothesis, progress, report).map(|(_, found)| found)
+}
+
+/// The same with the rank of the refined map.
+fn completed_and_ranked(
+    source: &Shape,
+    target: &Shape,
+    hypothesis: &Hypothesis,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<(f64, Correspondence)> {
     let state = embedded_surface::refined(
         target,
         source,
@@ -177,7 +213,20 @@ pub fn completed(
         progress,
     )?;
     found.figures = Some(hypothesis.figures);
-    Ok(found)
+    let images = |side: &Side<'_>| -> Vec<u32> {
+        selection::judging(side.shape())
+            .iter()
+            .map(|&v| side.images.vertex[v as usize])
+            .collect()
+    };
+    let refined = selection::figures(
+        target,
+        source,
+        hypothesis.matrix.as_ref(),
+        &images(asking),
+        &images(answering),
+    );
+    Ok((refined.rank(), found))
 }
 
 fn by_paper(

@@ -52,7 +52,7 @@ pub fn graded(figures: &Figures) -> (Grade, Vec<String>) {
             "distances change by {d:.1} % of √area: the bodies differ"
         ));
     }
-    if !figures.agreed {
+    if !figures.clear {
         reasons.push("two maps fit almost equally well: compare the alternatives".into());
     }
     let grade = if o < ORIENTATION.1 || figures.local_distortion > LOCAL_DISTORTION.1 {

@@ -1,4 +1,4 @@
-//! Which of the candidates is the map: score, vote, grade.
+//! Which of the candidates is the map.
 
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
@@ -8,26 +8,30 @@ use crate::error::{Error, Result};
 use crate::map_search::Candidate;
 use crate::nearest::nearest;
 use crate::orientation::{TangentGradients, orientation};
-use crate::refinement::embedded_surface::{self, Refined};
+use crate::refinement::embedded_surface::{self, Side};
 use crate::refinement::upsampling;
 use crate::shape::Shape;
 
 /// Candidates that are upsampled and scored.
-const SCORED: usize = 6;
+const SCORED: usize = 12;
 /// Candidates that take part in the vote.
-const VOTERS: usize = 4;
+const VOTERS: usize = 8;
 /// Samples on which maps are judged.
 const JUDGED: usize = 300;
 /// Samples against which two candidates are told apart.
 const WITNESSES: usize = 100;
 /// Candidates are different when the distances of their images differ by this on average.
-const DIFFERENT: f64 = 0.2;
+const DIFFERENT: f64 = 0.04;
 /// A candidate at 24 eigenfunctions counts as mirrored below this orientation.
 const MIRRORED: f64 = -0.1;
 /// A candidate at 60 eigenfunctions takes part in the vote from this orientation on.
 const ORIENTED: f64 = 0.15;
 /// Eigenfunctions of the orientation test at 60.
 const ORIENTATION_FUNCTIONS: usize = 24;
+/// Weight of the orientation in the score and in the rank: a perfect one is 1.
+const ORIENTATION_OFFSET: (f64, f64) = (1.2, 1.5);
+/// Candidates whose ranks differ by less than this fraction are told apart by their dense maps.
+const CLOSE: f64 = 0.1;
 /// Distances below this are compared for the grade; long ones differ between right maps too.
 const LOCAL: f64 = 0.35;
 
@@ -63,12 +67,17 @@ pub struct Figures {
     pub orientation: f64,
     /// Mean change of distances below 0.35 √area.
     pub local_distortion: f64,
-    /// Mean |ln| of the change of area from the low-passed to the deformed target.
-    pub stretch: f64,
-    /// Relative mismatch of mean curvature.
-    pub curvature_mismatch: f64,
-    /// Whether both criteria chose this map.
-    pub agreed: bool,
+    /// Whether no other candidate comes close by [`Figures::rank`].
+    pub clear: bool,
+}
+
+impl Figures {
+    /// By this candidates are ordered, the smaller the better: how far short distances change,
+    /// raised where the surface turns over.
+    #[must_use]
+    pub fn rank(&self) -> f64 {
+        self.local_distortion * (ORIENTATION_OFFSET.1 - self.orientation)
+    }
 }
 
 /// A candidate that stood in the vote.
@@ -80,7 +89,8 @@ pub struct Voted {
     pub figures: Figures,
 }
 
-/// Scores the candidates and lets two independent criteria vote; the chosen one comes first.
+/// Upsamples and scores the candidates, refines the best that differ for a short while, and orders
+/// them by what the refined maps do to distances and orientation.
 ///
 /// `landmarks` are pairs (source vertex, target vertex) of the checked meshes.
 ///
@@ -104,7 +114,7 @@ pub fn vote(
             judged(target, source, s)
         })
         .collect::<Result<_>>()?;
-    Ok(decided(judged))
+    Ok(ordered(judged))
 }
 
 fn scored(
@@ -146,13 +156,12 @@ fn score(
     landmarks: &[(u32, u32)],
 ) -> Scored {
     let k = matrix.ncols();
-    let asking = |s: &Shape| s.farthest[..JUDGED.min(s.farthest.len())].to_vec();
-    let (ask_t, ask_s) = (asking(target), asking(source));
+    let (ask_t, ask_s) = (judging(target), judging(source));
     let rows_t = Rows::from_matrix(target.basis.functions.as_ref(), k);
     let turned = dense::product(source.functions(k), matrix.as_ref());
     let rows_s = Rows::from_matrix(turned.as_ref(), k);
-    let images = nearest(&rows_t.gather(&ask_t), &rows_s);
-    let back = nearest(&rows_s.gather(&ask_s), &rows_t);
+    let images = nearest(&rows_t.gather(ask_t), &rows_s);
+    let back = nearest(&rows_s.gather(ask_s), &rows_t);
     let change = |a: &Shape, p: &[u32], b: &Shape, q: &[u32]| {
         mean_change(
             &a.spectral_distances(p, p),
@@ -161,10 +170,10 @@ fn score(
         )
     };
     let distortion = f64::midpoint(
-        change(target, &ask_t, source, &images),
-        change(source, &ask_s, target, &back),
+        change(target, ask_t, source, &images),
+        change(source, ask_s, target, &back),
     );
-    let o = orientation_of((target, &ask_t), (source, &images), matrix.as_ref());
+    let o = orientation_of((target, ask_t), (source, &images), matrix.as_ref());
     let o = if mirror == Mirror::Allow { o.abs() } else { o };
     let (values_t, values_s) = (&target.basis.values, &source.basis.values);
     let mut commutator = 0.0;
@@ -178,7 +187,7 @@ fn score(
     let missed = missed_landmarks(source, &rows_t, &rows_s, landmarks);
     Scored {
         matrix,
-        score: energy * distortion * (1.2 - o) * ell * (1.0 + missed),
+        score: energy * distortion * (ORIENTATION_OFFSET.0 - o) * ell * (1.0 + missed),
         orientation: o,
         distortion,
         images,
@@ -246,7 +255,7 @@ fn different(source: &Shape, scored: Vec<Scored>, mirror: Mirror) -> Vec<Scored>
     voters
 }
 
-/// Short refinement, then the figures of the vote.
+/// Short refinement, then the figures by which candidates are ordered.
 fn judged(target: &Shape, source: &Shape, scored: &Scored) -> Result<Voted> {
     let state = embedded_surface::refined(
         target,
@@ -255,63 +264,76 @@ fn judged(target: &Shape, source: &Shape, scored: &Scored) -> Result<Voted> {
         embedded_surface::SHORT,
         &|_| Ok(()),
     )?;
-    let asking = |s: &Shape| JUDGED.min(s.farthest.len());
-    let on_source = &state.target.images.vertex[..asking(target)];
-    let on_target = &state.source.images.vertex[..asking(source)];
-    let ask_t = &target.farthest[..asking(target)];
-    let ask_s = &source.farthest[..asking(source)];
-    let local_distortion = f64::midpoint(
-        mean_change(
-            &target.spectral_distances(ask_t, ask_t),
-            &source.spectral_distances(on_source, on_source),
-            LOCAL,
-        ),
-        mean_change(
-            &source.spectral_distances(ask_s, ask_s),
-            &target.spectral_distances(on_target, on_target),
-            LOCAL,
-        ),
+    // The drawn vertices begin with the farthest-point samples.
+    let images = |side: &Side<'_>| side.images.vertex[..judging(side.shape()).len()].to_vec();
+    let (on_source, on_target) = (images(&state.target), images(&state.source));
+    let mut figures = figures(
+        target,
+        source,
+        scored.matrix.as_ref(),
+        &on_source,
+        &on_target,
     );
-    let o = orientation_of((target, ask_t), (source, on_source), scored.matrix.as_ref());
+    figures.score = scored.score;
     Ok(Voted {
         matrix: scored.matrix.clone(),
-        figures: Figures {
-            score: scored.score,
-            orientation: o,
-            local_distortion,
-            stretch: stretch(&state),
-            curvature_mismatch: curvature_mismatch(
-                (target, ask_t, on_source),
-                (source, ask_s, on_target),
-            ),
-            agreed: true,
-        },
+        figures,
     })
 }
 
-/// The chosen candidate first. Isometry (score) and local shape (stretch · curvature) vote; where
-/// they disagree the clearer orientation wins and the result says so.
-fn decided(mut voters: Vec<Voted>) -> Vec<Voted> {
-    let best = |key: &dyn Fn(&Figures) -> f64| {
-        (0..voters.len())
-            .min_by(|&i, &j| key(&voters[i].figures).total_cmp(&key(&voters[j].figures)))
-            .unwrap_or(0)
+/// The samples on which maps are judged.
+#[must_use]
+pub fn judging(shape: &Shape) -> &[u32] {
+    &shape.farthest[..JUDGED.min(shape.farthest.len())]
+}
+
+/// Orientation and local distortion of a map, given the images of both shapes' judging samples.
+#[must_use]
+pub fn figures(
+    target: &Shape,
+    source: &Shape,
+    matrix: MatRef<'_, f64>,
+    on_source: &[u32],
+    on_target: &[u32],
+) -> Figures {
+    let change = |a: &Shape, b: &Shape, images: &[u32]| {
+        let asking = judging(a);
+        mean_change(
+            &a.spectral_distances(asking, asking),
+            &b.spectral_distances(images, images),
+            LOCAL,
+        )
     };
-    let by_score = best(&|f| f.score);
-    let by_shape = best(&|f| f.stretch * f.curvature_mismatch);
-    let agreed = by_score == by_shape;
-    let winner =
-        if agreed || voters[by_score].figures.orientation >= voters[by_shape].figures.orientation {
-            by_score
-        } else {
-            by_shape
-        };
-    for v in &mut voters {
-        v.figures.agreed = agreed;
+    Figures {
+        score: 0.0,
+        orientation: orientation_of((target, judging(target)), (source, on_source), matrix),
+        local_distortion: f64::midpoint(
+            change(target, source, on_source),
+            change(source, target, on_target),
+        ),
+        clear: false,
     }
-    let first = voters.remove(winner);
-    voters.insert(0, first);
+}
+
+/// Best first; whether the first stands clear of the rest is written into its figures.
+fn ordered(mut voters: Vec<Voted>) -> Vec<Voted> {
+    voters.sort_by(|a, b| a.figures.rank().total_cmp(&b.figures.rank()));
+    let rivals = rivals(&voters, |v| &v.figures);
+    voters[0].figures.clear = rivals == 1;
     voters
+}
+
+/// How many candidates of a list, best first, come so close to the first that their order by rank
+/// says little.
+#[must_use]
+pub fn rivals<T>(candidates: &[T], figures: impl Fn(&T) -> &Figures) -> usize {
+    let bound = candidates
+        .first()
+        .map_or(0.0, |best| (1.0 + CLOSE) * figures(best).rank());
+    candidates
+        .iter()
+        .take_while(|c| figures(c).rank() <= bound)
+        .count()
 }
 
 /// Mean |a − b| over pairs whose first distance is below the limit.
@@ -338,45 +360,4 @@ fn mean_largest_change(a: &Mat<f64>, b: &Mat<f64>) -> f64 {
         })
         .sum();
     sum / a.ncols() as f64
-}
-
-/// Σ w |ln(deformed area / low-passed area)| over faces, w the face's share of the area.
-fn stretch(state: &Refined<'_>) -> f64 {
-    let (before, after) = (state.target.smoothed.as_ref(), state.deformed.as_ref());
-    let faces = &state.target.shape().mesh.faces;
-    let area = |m: MatRef<'_, f64>, f: &[u32; 3]| {
-        let [a, b, c] = f.map(|v| [0, 1, 2].map(|i| m[(v as usize, i)]));
-        crate::vector::norm(crate::vector::cross(
-            crate::vector::sub(b, a),
-            crate::vector::sub(c, a),
-        ))
-    };
-    let (mut sum, mut total) = (0.0, 0.0);
-    for f in faces {
-        let (x, y) = (area(before, f), area(after, f));
-        if x > 0.0 && y > 0.0 {
-            sum += x * (y / x).ln().abs();
-            total += x;
-        }
-    }
-    sum / total
-}
-
-/// Relative difference of smoothed mean curvature between points and their images.
-fn curvature_mismatch(
-    (target, ask_t, on_source): (&Shape, &[u32], &[u32]),
-    (source, ask_s, on_target): (&Shape, &[u32], &[u32]),
-) -> f64 {
-    let (mut difference, mut power) = (0.0, 0.0);
-    let mut add = |a: &Shape, p: &[u32], b: &Shape, q: &[u32]| {
-        for (&x, &y) in p.iter().zip(q) {
-            let g = f64::from(a.descriptors.curvature[x as usize]);
-            let h = f64::from(b.descriptors.curvature[y as usize]);
-            difference += (g - h).powi(2);
-            power += g * g + h * h;
-        }
-    };
-    add(target, ask_t, source, on_source);
-    add(source, ask_s, target, on_target);
-    (difference / power.max(f64::MIN_POSITIVE)).sqrt()
 }

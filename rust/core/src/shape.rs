@@ -6,7 +6,7 @@ use crate::dense;
 use crate::descriptors::Descriptors;
 use crate::distance_operator;
 use crate::eigenbasis::Eigenbasis;
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::geodesics::{self, FastMarching};
 use crate::laplacian::Laplacian;
 use crate::mesh::{Adjacency, Mesh};
@@ -82,18 +82,32 @@ impl Shape {
         let marched = &farthest[..MARCHED.min(farthest.len())];
         let fields = geodesics::distances_from(&marching, marched, &cancelled)?;
         report("distance operator", 0.9)?;
-        let size = OPERATOR_SIZE.min(pairs).min(2 * marched.len() / 3);
+        Self::assembled(mesh, laplacian, basis, marching, farthest, fields)
+    }
+
+    /// Everything that follows from the costly parts.
+    fn assembled(
+        mesh: Mesh,
+        laplacian: Laplacian,
+        basis: Eigenbasis,
+        marching: FastMarching,
+        farthest: Vec<u32>,
+        fields: Mat<f32>,
+    ) -> Result<Self> {
+        let marched = &farthest[..fields.ncols()];
+        let size = OPERATOR_SIZE
+            .min(basis.values.len())
+            .min(2 * marched.len() / 3);
+        let exact = Mat::from_fn(fields.nrows(), fields.ncols(), |i, j| {
+            f64::from(fields[(i, j)])
+        });
         let distance_operator = distance_operator::from_fields(
             basis.functions.get(.., ..size),
             &basis.values[..size],
             &laplacian.mass,
             marched,
-            Mat::from_fn(fields.nrows(), fields.ncols(), |i, j| {
-                f64::from(fields[(i, j)])
-            })
-            .as_ref(),
+            exact.as_ref(),
         )?;
-        report("descriptors", 0.95)?;
         let descriptors = Descriptors::new(
             &mesh,
             &laplacian.stiffness,
@@ -115,6 +129,51 @@ impl Shape {
             descriptors,
             marching,
         })
+    }
+
+    /// A shape from its mesh and the costly parts of an earlier preparation.
+    ///
+    /// `values` are the k eigenvalues, `functions` `(n, k)`, `fields` `(n, s)` in the order of the
+    /// checked mesh, at unit area.
+    ///
+    /// # Errors
+    /// Those of [`Mesh::new`]; [`Error::BadArgument`] when the parts do not fit the mesh.
+    pub fn restored(
+        vertices: &[Point],
+        faces: &[[i64; 3]],
+        values: Vec<f64>,
+        functions: Mat<f64>,
+        farthest: Vec<u32>,
+        fields: Mat<f32>,
+    ) -> Result<Self> {
+        let mesh = Mesh::new(vertices, faces, false)?;
+        let n = mesh.vertices.len();
+        let fit = functions.nrows() == n
+            && fields.nrows() == n
+            && functions.ncols() == values.len()
+            && values.len() > 1
+            && (1..=farthest.len()).contains(&fields.ncols())
+            && farthest
+                .iter()
+                .all(|&v| (v as usize) < mesh.surface_vertices)
+            && values.windows(2).all(|w| w[0] <= w[1])
+            && values.iter().all(|l| l.is_finite())
+            && (0..functions.ncols()).all(|j| functions.col(j).iter().all(|x| x.is_finite()))
+            && (0..fields.ncols()).all(|j| fields.col(j).iter().all(|d| *d >= 0.0));
+        if !fit {
+            return Err(Error::BadArgument {
+                what: "the stored parts do not fit the mesh: prepare the shape again".into(),
+            });
+        }
+        let laplacian = Laplacian::new(&mesh)?;
+        let basis = Eigenbasis {
+            values,
+            functions,
+            residual: f64::NAN,
+            solves: 0,
+        };
+        let marching = FastMarching::new(&mesh);
+        Self::assembled(mesh, laplacian, basis, marching, farthest, fields)
     }
 
     /// First `k` eigenfunctions, `(n, k)`.

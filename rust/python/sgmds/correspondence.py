@@ -1,15 +1,13 @@
 """A dense map from the vertices of a target to points of a source."""
 
-import zipfile
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from . import _core
+from . import _core, archive
 from .errors import ArgumentError, SgmdsError
 
 FORMAT = "sgmds-correspondence"
-VERSION = 1
 ARRAYS = ("faces", "barycentric", "vertices", "confidence", "functional_map")
 
 
@@ -78,31 +76,20 @@ class Correspondence:
 
     def save(self, path):
         """Writes an .npz that numpy alone can read."""
-        with open(path, "wb") as file:
-            np.savez_compressed(
-                file,
-                format=FORMAT,
-                version=VERSION,
-                **{name: getattr(self, name) for name in ARRAYS},
-                triangles=self._triangles,
-                source_count=self._source_count,
-                grade=self.quality.grade,
-                reasons=np.array(self.quality.reasons, dtype=str),
-            )
+        archive.write(
+            path,
+            FORMAT,
+            **{name: getattr(self, name) for name in ARRAYS},
+            triangles=self._triangles,
+            source_count=self._source_count,
+            grade=self.quality.grade,
+            reasons=np.array(self.quality.reasons, dtype=str),
+        )
 
     @classmethod
     def load(cls, path):
         """Reads what `save` wrote; anything else is refused."""
-        try:
-            with np.load(path, allow_pickle=False) as file:
-                arrays = {name: file[name] for name in file.files}
-        except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-            raise SgmdsError(f"{path}: not a readable correspondence ({error}): make it again") from error
-        if str(arrays.get("format")) != FORMAT or int(arrays.get("version", 0)) != VERSION:
-            raise SgmdsError(f"{path}: not a correspondence of version {VERSION}: make it again")
-        missing = {*ARRAYS, "triangles", "source_count", "grade", "reasons"} - arrays.keys()
-        if missing:
-            raise SgmdsError(f"{path}: damaged, lacks {', '.join(sorted(missing))}: make it again")
+        arrays = archive.read(path, FORMAT, (*ARRAYS, "triangles", "source_count", "grade", "reasons"))
         found = cls(arrays, Quality(str(arrays["grade"]), [str(r) for r in arrays["reasons"]]))
         found._check(path)
         return found

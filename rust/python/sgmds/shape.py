@@ -2,8 +2,11 @@
 
 import numpy as np
 
-from . import _core
-from .errors import ArgumentError
+from . import _core, archive
+from .errors import ArgumentError, SgmdsError
+
+FORMAT = "sgmds-shape"
+PARTS = ("values", "functions", "farthest", "fields")
 
 
 def checked_mesh(vertices, faces):
@@ -89,6 +92,31 @@ class Shape:
     def report(self):
         """What was ignored or mended when the mesh was read: a dict of counts."""
         return self._core.report
+
+    def save(self, path):
+        """Writes a cache file; an existing one is replaced only when the new one is complete."""
+        archive.write(path, FORMAT, vertices=self.vertices, faces=self.faces, **self._core.parts)
+
+    @classmethod
+    def load(cls, path):
+        """Reads what `save` wrote.
+
+        Raises
+        ------
+        SgmdsError
+            When the file is not ours, of another version, or damaged.
+        """
+        arrays = archive.read(path, FORMAT, ("vertices", "faces", *PARTS))
+        shape = cls.__new__(cls)
+        try:
+            shape.vertices, shape.faces = checked_mesh(arrays["vertices"], arrays["faces"])
+            shape._core = _core.restore(
+                shape.vertices, shape.faces, *(np.ascontiguousarray(arrays[name]) for name in PARTS)
+            )
+        except (SgmdsError, TypeError, OverflowError) as error:
+            raise SgmdsError(f"{path}: damaged ({error})") from error
+        shape._kept = {}
+        return shape
 
     def __repr__(self):
         return f"Shape({len(self.vertices)} vertices, {len(self.faces)} faces)"

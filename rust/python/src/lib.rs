@@ -111,6 +111,25 @@ impl PreparedShape {
         )
     }
 
+    /// The costly parts in the order of the checked mesh, at unit area, for `restore`.
+    #[getter]
+    fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let (basis, fields) = (&self.shape.basis, &self.shape.fields);
+        let flat: Vec<f32> = (0..fields.nrows())
+            .flat_map(|i| (0..fields.ncols()).map(move |j| fields[(i, j)]))
+            .collect();
+        let dict = PyDict::new(py);
+        dict.set_item("values", basis.values.clone().into_pyarray(py))?;
+        dict.set_item("functions", matrix(py, basis.functions.as_ref())?)?;
+        dict.set_item("farthest", self.shape.farthest.clone().into_pyarray(py))?;
+        dict.set_item(
+            "fields",
+            flat.into_pyarray(py)
+                .reshape([fields.nrows(), fields.ncols()])?,
+        )?;
+        Ok(dict)
+    }
+
     /// Given vertices.
     #[getter]
     fn vertex_count(&self) -> usize {
@@ -137,6 +156,31 @@ impl PreparedShape {
         }
         Ok(dict)
     }
+}
+
+/// A shape from its mesh and the stored parts of an earlier preparation.
+#[pyfunction]
+fn restore(
+    py: Python<'_>,
+    vertices: PyReadonlyArray2<'_, f64>,
+    faces: PyReadonlyArray2<'_, i64>,
+    values: Vec<f64>,
+    functions: PyReadonlyArray2<'_, f64>,
+    farthest: Vec<u32>,
+    fields: PyReadonlyArray2<'_, f32>,
+) -> PyResult<PreparedShape> {
+    let (vertices, faces) = (triples(&vertices)?, triples(&faces)?);
+    let (functions, fields) = (functions.as_array(), fields.as_array());
+    let functions = faer::Mat::from_fn(functions.nrows(), functions.ncols(), |i, j| {
+        functions[[i, j]]
+    });
+    let fields = faer::Mat::from_fn(fields.nrows(), fields.ncols(), |i, j| fields[[i, j]]);
+    let shape = watched(py, None, None, move |_| {
+        Shape::restored(&vertices, &faces, values, functions, farthest, fields)
+    })?;
+    Ok(PreparedShape {
+        shape: Arc::new(shape),
+    })
 }
 
 /// Prepares one mesh: `vertices` (n, 3) float64, `faces` (m, 3) int64, both contiguous.
@@ -215,16 +259,12 @@ impl RawMatch {
                 score,
                 orientation,
                 local_distortion,
-                stretch,
-                curvature_mismatch,
-                agreed,
+                clear,
             } = *figures;
             dict.set_item("score", score)?;
             dict.set_item("orientation", orientation)?;
             dict.set_item("local_distortion", local_distortion)?;
-            dict.set_item("stretch", stretch)?;
-            dict.set_item("curvature_mismatch", curvature_mismatch)?;
-            dict.set_item("agreed", agreed)?;
+            dict.set_item("clear", clear)?;
         }
         if let Some(end) = &self.found.convergence {
             dict.set_item("energy", end.energy)?;
@@ -351,6 +391,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<PreparedShape>()?;
     module.add_class::<RawMatch>()?;
     module.add_function(wrap_pyfunction!(prepare, module)?)?;
+    module.add_function(wrap_pyfunction!(restore, module)?)?;
     module.add_function(wrap_pyfunction!(match_pair, module)?)?;
     module.add_function(wrap_pyfunction!(transfer_values, module)?)?;
     Ok(())

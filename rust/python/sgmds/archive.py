@@ -1,0 +1,60 @@
+"""Files of arrays: .npz that numpy alone can read, written whole or not at all."""
+
+import os
+import tempfile
+import zipfile
+import zlib
+
+import numpy as np
+
+from .errors import SgmdsError
+
+VERSION = 1
+
+
+def write(path, kind, **arrays):
+    """Writes arrays beside `path` and moves them there when complete."""
+    folder, name = os.path.split(os.path.abspath(path))
+    handle, temporary = tempfile.mkstemp(prefix=f".{name}.", dir=folder)
+    try:
+        with os.fdopen(handle, "wb") as file:
+            np.savez_compressed(file, format=kind, version=VERSION, **arrays)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        os.unlink(temporary)
+        raise
+
+
+def read(path, kind, names):
+    """The named arrays of a file that `write` made; anything else is refused.
+
+    The archive's checksums notice damage; nothing in the file is executed.
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except FileNotFoundError:
+        raise
+    except (
+        OSError,
+        ValueError,
+        EOFError,
+        KeyError,
+        AttributeError,
+        NotImplementedError,
+        OverflowError,
+        MemoryError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ) as error:
+        raise SgmdsError(f"{path}: not a readable {kind} file ({error}): make it again") from error
+    if str(arrays.get("format")) != kind:
+        raise SgmdsError(f"{path}: not a {kind} file: make it again")
+    if str(arrays.get("version")) != str(VERSION):
+        raise SgmdsError(f"{path}: of version {arrays.get('version')}, not {VERSION}: make it again")
+    missing = set(names) - arrays.keys()
+    if missing:
+        raise SgmdsError(f"{path}: damaged, lacks {', '.join(sorted(missing))}: make it again")
+    return arrays

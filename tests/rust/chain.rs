@@ -1,0 +1,173 @@
+//! The whole chain on surfaces whose map is known.
+
+mod common;
+
+use std::sync::Arc;
+
+use sgmds_core::Error;
+use sgmds_core::matching::{Correspondence, Method, Options, match_shapes};
+use sgmds_core::mesh::Mesh;
+use sgmds_core::progress::Progress;
+use sgmds_core::selection::Mirror;
+use sgmds_core::shape::Shape;
+
+use common::{Point, disguised, length, lumpy, sub};
+
+fn prepared(vertices: &[Point], faces: &[[i64; 3]]) -> Arc<Shape> {
+    let progress = Progress::default();
+    Arc::new(Shape::new(vertices, faces, &progress, &|s, f| progress.enter(s, f)).unwrap())
+}
+
+fn found(source: &Arc<Shape>, target: &Arc<Shape>, options: &Options) -> Correspondence {
+    let progress = Progress::default();
+    match_shapes(source, target, options, &progress, &|s, f| {
+        progress.enter(s, f)
+    })
+    .unwrap()
+}
+
+/// Mean distance between each target vertex's image and its own place on the source, over √area.
+fn mean_error(map: &Correspondence, source: &(Vec<Point>, Vec<[i64; 3]>), order: &[usize]) -> f64 {
+    let mesh = Mesh::new(&source.0, &source.1, false).unwrap();
+    let sum: f64 = order
+        .iter()
+        .enumerate()
+        .map(|(i, &old)| {
+            let corners = source.1[map.faces[i] as usize].map(|v| source.0[v as usize]);
+            let w = map.barycentric[i];
+            let image = [0, 1, 2].map(|c| (0..3).map(|k| w[k] * corners[k][c]).sum());
+            length(sub(image, source.0[old]))
+        })
+        .sum();
+    sum / order.len() as f64 / mesh.scale
+}
+
+#[test]
+fn a_turned_scaled_renumbered_copy_returns_the_renumbering() {
+    let source = lumpy(4);
+    let (vertices, faces, order) = disguised(&source, 0.02);
+    let (a, b) = (prepared(&source.0, &source.1), prepared(&vertices, &faces));
+    let map = found(&a, &b, &Options::default());
+    let same = order
+        .iter()
+        .zip(&map.vertices)
+        .filter(|&(&old, &v)| old == v as usize)
+        .count();
+    // Round-off moves eigenfunctions in their last digits only, so nearly every vertex returns to
+    // itself; one in a hundred may tie with a neighbour.
+    assert!(same * 100 >= 99 * order.len(), "{same} of {}", order.len());
+    assert!(map.confidence.iter().all(|c| (0.0..=1.0).contains(c)));
+    assert_eq!(map.unmatched, 0);
+    for w in &map.barycentric {
+        assert!(w.iter().all(|x| *x >= 0.0) && (w.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+    }
+}
+
+#[test]
+fn a_constant_is_carried_exactly_by_the_functional_map() {
+    let source = lumpy(3);
+    let (vertices, faces, _) = disguised(&source, 3.0);
+    let (a, b) = (prepared(&source.0, &source.1), prepared(&vertices, &faces));
+    let alpha = found(&a, &b, &Options::default()).functional_map;
+    // √(area_target/area_source) = 3; the rest of the column vanishes.
+    assert!((alpha[(0, 0)] - 3.0).abs() < 1e-6, "{}", alpha[(0, 0)]);
+    for i in 1..alpha.nrows() {
+        assert!(alpha[(i, 0)].abs() < 1e-6, "row {i}: {}", alpha[(i, 0)]);
+    }
+}
+
+#[test]
+fn the_published_method_matches_a_copy_and_lowers_its_energy() {
+    let source = lumpy(4);
+    let (vertices, faces, order) = disguised(&source, 1.0);
+    let (a, b) = (prepared(&source.0, &source.1), prepared(&vertices, &faces));
+    let options = Options {
+        method: Method::Paper,
+        ..Options::default()
+    };
+    let map = found(&a, &b, &options);
+    let end = map.convergence.unwrap();
+    // Two copies have an isometry between them, where every term vanishes.
+    assert!(end.energy < 1e-3, "{}", end.energy);
+    let error = mean_error(&map, &source, &order);
+    // A thirtieth of the spectrum resolves about 2π/√λ₃₀, a fifth of √area, and a tenth of that
+    // is what aligned eigenfunctions of one surface reach.
+    assert!(error < 0.02, "{error}");
+}
+
+#[test]
+fn the_result_does_not_depend_on_the_number_of_threads() {
+    let source = lumpy(3);
+    let (vertices, faces, _) = disguised(&source, 1.0);
+    let run = |threads: usize| {
+        rayon::ThreadPoolBuilder::new()
+            .num_threads(threads)
+            .build()
+            .unwrap()
+            .install(|| {
+                let (a, b) = (prepared(&source.0, &source.1), prepared(&vertices, &faces));
+                found(&a, &b, &Options::default())
+            })
+    };
+    let (one, three) = (run(1), run(3));
+    assert_eq!(one.faces, three.faces);
+    assert_eq!(one.barycentric, three.barycentric);
+    assert_eq!(one.confidence, three.confidence);
+}
+
+#[test]
+fn a_mirror_image_is_matched_when_that_is_allowed() {
+    let source = lumpy(4);
+    let mirrored: Vec<Point> = source.0.iter().map(|p| [-p[0], p[1], p[2]]).collect();
+    let wound: Vec<[i64; 3]> = source.1.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    let (a, b) = (prepared(&source.0, &source.1), prepared(&mirrored, &wound));
+    let options = Options {
+        mirror: Mirror::Allow,
+        ..Options::default()
+    };
+    let map = found(&a, &b, &options);
+    let order: Vec<usize> = (0..source.0.len()).collect();
+    let error = mean_error(&map, &source, &order);
+    // Positions and normals of a mirrored body contradict the map a little.
+    assert!(error < 0.02, "{error}");
+}
+
+#[test]
+fn loose_and_dropped_vertices_get_the_nearest_image_and_no_confidence() {
+    let source = lumpy(3);
+    let n = source.0.len();
+    let mut target = source.clone();
+    target.0.push([9.0, 9.0, 9.0]);
+    target
+        .0
+        .extend([[5.0, 0.0, 0.0], [5.1, 0.0, 0.0], [5.0, 0.1, 0.0]]);
+    target.1.push([n as i64 + 1, n as i64 + 2, n as i64 + 3]);
+    let (a, b) = (
+        prepared(&source.0, &source.1),
+        prepared(&target.0, &target.1),
+    );
+    let map = found(&a, &b, &Options::default());
+    assert_eq!(map.unmatched, 4);
+    assert!(map.confidence[n..].iter().all(|c| *c == 0.0));
+    assert!(map.faces.iter().all(|f| (*f as usize) < source.1.len()));
+}
+
+#[test]
+fn cancelling_ends_every_stage_with_the_same_error() {
+    let source = lumpy(3);
+    let (a, b) = (
+        prepared(&source.0, &source.1),
+        prepared(&source.0, &source.1),
+    );
+    for stop in ["search", "selection", "refinement", "dense map"] {
+        let progress = Progress::default();
+        let report = |stage: &'static str, f: f64| {
+            if stage == stop {
+                progress.cancel();
+            }
+            progress.enter(stage, f)
+        };
+        let end = match_shapes(&a, &b, &Options::default(), &progress, &report);
+        assert_eq!(end.err(), Some(Error::Cancelled), "{stop}");
+    }
+}
