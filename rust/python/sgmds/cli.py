@@ -90,6 +90,15 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("-q", "--quiet", action="store_true", help="the summary only")
     _add_common(evaluate)
     evaluate.set_defaults(run=_evaluate)
+
+    bench = commands.add_parser("bench", help="time the stages", description=_bench.__doc__)
+    bench.add_argument(
+        "--sizes", type=_sizes, metavar="N,N,…", help="vertices of a shape (default 5000,20000,50000)"
+    )
+    bench.add_argument("--runs", type=_positive, default=3, metavar="N", help="of which the median counts")
+    bench.add_argument("--no-peers", action="store_true", help="only ourselves")
+    bench.add_argument("--json", type=Path, metavar="OUT")
+    bench.set_defaults(run=_bench)
     return parser
 
 
@@ -112,6 +121,10 @@ def _landmark(text: str) -> tuple[int, int]:
             f"should be SOURCE:TARGET, two vertex numbers, got {text!r}"
         ) from None
     return source, target
+
+
+def _sizes(text: str) -> list[int]:
+    return [_positive(word) for word in text.split(",")]
 
 
 def _method(text: str) -> str:
@@ -175,6 +188,21 @@ def _evaluate(options) -> int:
         result.plot(options.plot)
     print(result.text())
     return 0 if result.pairs and not any(s.failed for s in result.sets) else 1
+
+
+def _bench(options) -> int:
+    """Time a pair of generated characters of growing size, stage by stage, beside peers."""
+    from . import benchmark
+
+    records = benchmark.run(
+        options.sizes or benchmark.SIZES,
+        options.runs,
+        not options.no_peers,
+        report=lambda line: print(line, flush=True),
+    )
+    if options.json:
+        options.json.write_text(json.dumps(records, indent=1) + "\n", encoding="utf-8")
+    return 0
 
 
 class _ProgressBar:

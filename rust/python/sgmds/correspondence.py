@@ -96,9 +96,7 @@ class Correspondence:
 
     def _check(self, path):
         n, m = len(self.faces), len(self._triangles)
-        shapes_fit = (
-            self.barycentric.shape == (n, 3) and self.vertices.shape == self.confidence.shape == (n,)
-        )
+        shapes_fit = self.barycentric.shape == (n, 3) and self.vertices.shape == self.confidence.shape == (n,)
         if not shapes_fit or (n and (self.faces.min() < 0 or self.faces.max() >= m)):
             raise SgmdsError(f"{path}: damaged, its arrays do not fit together: make it again")
         if m and (self._triangles.min() < 0 or self._triangles.max() >= self._source_count):
