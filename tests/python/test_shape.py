@@ -78,7 +78,6 @@ def test_scaling_laws(body, slender):
     np.testing.assert_allclose(larger.geodesics, 3 * body.geodesics, rtol=1e-6, atol=1e-9)
 
 
-@pytest.mark.skipif(not hasattr(sgmds.Shape, "save"), reason="Shape.save is still to come")
 def test_saved_shape_comes_back(body, tmp_path):
     path = tmp_path / "shape.bin"
     body.save(path)
