@@ -116,7 +116,9 @@ def write_heat(mesh):
 
 def _remember(source, mesh, source_surface, target_surface, found):
     stored = mesh.spectral_match
-    stored.source = source
+    for obj in bpy.data.objects:
+        if obj.data == mesh and obj.is_editable:
+            obj.spectral_match_source = source
     stored.source_name = source.name
     stored.source_fingerprint = str(source_surface.fingerprint)
     stored.target_fingerprint = str(target_surface.fingerprint)

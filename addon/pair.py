@@ -27,8 +27,8 @@ def resolve(context):
     if not others:
         # A matched target alone still means the pair it was matched in.
         stored = active.data.spectral_match
-        if is_there(stored.source):
-            return _of(stored.source, [active])
+        if stored.target_fingerprint and is_there(active.spectral_match_source):
+            return _of(active.spectral_match_source, [active])
         return Pair(active, [], f"Add a target: select it first, then Shift-click '{active.name}'")
     return _of(active, others)
 

@@ -181,7 +181,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
     def draw(self, context):
         layout = self.layout
         settings = context.scene.spectral_match
-        source = self.matched(context)[0].data.spectral_match.source
+        source = self.matched(context)[0].spectral_match_source
         if not pair.is_there(source):
             layout.label(text="The source is gone", icon="ERROR")
             return

@@ -21,7 +21,6 @@ def _is_mesh(_settings, obj):
 class SPECTRAL_MATCH_PG_stored_match(PropertyGroup):
     """On a target mesh, beside the `match_*` attributes: where the match came from and how good it is."""
 
-    source: PointerProperty(type=Object)
     source_name: StringProperty()
     source_fingerprint: StringProperty()
     target_fingerprint: StringProperty()
@@ -163,9 +162,12 @@ def register():
         bpy.utils.register_class(cls)
     bpy.types.Scene.spectral_match = PointerProperty(type=SPECTRAL_MATCH_PG_settings)
     bpy.types.Mesh.spectral_match = PointerProperty(type=SPECTRAL_MATCH_PG_stored_match)
+    # On the object: a mesh that points to an object crashes Blender 5.0 when a script removes that object.
+    bpy.types.Object.spectral_match_source = PointerProperty(type=Object)
 
 
 def unregister():
+    del bpy.types.Object.spectral_match_source
     del bpy.types.Mesh.spectral_match
     del bpy.types.Scene.spectral_match
     for cls in reversed(CLASSES):

@@ -59,14 +59,15 @@ def state(target):
     stored = target.data.spectral_match
     if not stored.target_fingerprint:
         return State(NONE)
-    if not pair.is_there(stored.source) or stored.source.type != "MESH":
+    source = target.spectral_match_source
+    if not pair.is_there(source) or source.type != "MESH":
         return State(LOST, f"The source '{stored.source_name}' is gone. Match again with another one")
     if "match_face" not in target.data.attributes or "match_barycentric" not in target.data.attributes:
         if not target.data.is_editmode:
             return State(STALE, f"The match of '{target.name}' was removed from its attributes. Match again")
     verdicts = [
         (obj.name, Fingerprint.parse(kept), current_fingerprint(obj.data))
-        for obj, kept in ((stored.source, stored.source_fingerprint), (target, stored.target_fingerprint))
+        for obj, kept in ((source, stored.source_fingerprint), (target, stored.target_fingerprint))
     ]
     for name, kept, now in verdicts:
         if kept.topology != now.topology:

@@ -48,7 +48,7 @@ class SPECTRAL_MATCH_OT_transfer(Operator):
         notes, carried = [], 0
         for target in found.targets:
             try:
-                sources = [target.data.spectral_match.source or found.source, target]
+                sources = [target.spectral_match_source or found.source, target]
                 with mesh_write.object_mode(context, sources):
                     notes += carry_all(context, target, wanted or None)
                 carried += 1

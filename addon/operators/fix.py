@@ -88,7 +88,7 @@ class SPECTRAL_MATCH_OT_alternative(Operator):
         known = stored_match.maps_of_mesh[target.data.session_uid]
         try:
             stored = stored_match.require(target)
-            source = stored.source
+            source = target.spectral_match_source
             if mesh_read.fingerprint(source.data) != known.source.fingerprint:
                 raise UnusableObjectError(f"'{source.name}' was changed since the match. Match again")
             if mesh_read.fingerprint(target.data) != known.target.fingerprint:

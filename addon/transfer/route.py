@@ -19,7 +19,7 @@ class Route:
     def __init__(self, target):
         mesh_read.check_usable(target, as_target=True)
         stored = stored_match.require(target)
-        self.source, self.target = stored.source, target
+        self.source, self.target = target.spectral_match_source, target
         self.swapped_sides = stored.swapped_sides
         attributes = target.data.attributes
         self.face = mesh_write.read_attribute(attributes["match_face"])

@@ -66,7 +66,11 @@ def test_copy_is_found_and_written(pair):
     colours = np.einsum("ij,ijc->ic", barycentric, values(source, "match_color")[triangles])
     np.testing.assert_allclose(colours, values(target, "match_color"), atol=1e-5)
     stored = target.data.spectral_match
-    assert stored.source == source and stored.grade in {"green", "amber", "red"} and stored.seconds > 0.0
+    assert (
+        target.spectral_match_source == source
+        and stored.grade in {"green", "amber", "red"}
+        and stored.seconds > 0.0
+    )
     assert 0.0 < stored.mean_confidence <= 1.0
     assert stored_match.state(target).code == stored_match.MATCHED
 
@@ -93,7 +97,7 @@ def test_survives_save_and_reload(pair, tmp_path):
     for name, kept in before.items():
         np.testing.assert_array_equal(values(target, name), kept)
     assert stored_match.state(target).code == stored_match.MATCHED
-    assert target.data.spectral_match.source == bpy.data.objects["Source"]
+    assert target.spectral_match_source == bpy.data.objects["Source"]
 
 
 def test_survives_being_appended(pair, tmp_path):
@@ -188,7 +192,7 @@ def test_several_targets_at_once(pair):
     choose(source, target, second, twin)
     assert match() == {"FINISHED"}
     for obj in (target, second, twin):
-        assert obj.data.spectral_match.source == source
+        assert obj.spectral_match_source == source
 
 
 def test_shared_mesh_is_refused_in_words(pair):
@@ -289,7 +293,7 @@ def test_pinning_keeps_the_pair(pair, scene):
     bpy.ops.spectral_match.pin()
     choose(target)
     assert match() == {"FINISHED"}
-    assert target.data.spectral_match.source == source
+    assert target.spectral_match_source == source
 
 
 def test_confidence_is_shown_as_colours(pair):

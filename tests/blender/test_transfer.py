@@ -18,7 +18,8 @@ def store_map(source, target, faces, barycentric):
     write_attribute(target.data, "match_confidence", "FLOAT", "POINT", np.ones(len(faces)))
     target.data.update()
     stored = target.data.spectral_match
-    stored.source, stored.source_name, stored.grade = source, source.name, "green"
+    target.spectral_match_source = source
+    stored.source_name, stored.grade = source.name, "green"
     stored.source_fingerprint = str(mesh_read.fingerprint(source.data))
     stored.target_fingerprint = str(mesh_read.fingerprint(target.data))
 
