@@ -184,6 +184,8 @@ def _build_stage(objects):
     scene.cycles.use_denoising = _cycles.with_openimagedenoise
     scene.render.resolution_x, scene.render.resolution_y = 960, 540
     scene.render.image_settings.file_format = "PNG"
+    # The picture's metadata would carry the path of this machine.
+    scene.render.use_stamp_filename = False
     scene.view_settings.view_transform = "Standard"
 
 
