@@ -5,8 +5,10 @@ mod common;
 use std::sync::Arc;
 
 use sgmds_core::Error;
+use sgmds_core::map_search::Shares;
 use sgmds_core::matching::{Correspondence, Method, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
+use sgmds_core::pointwise_map::{SurfacePoint, dirichlet_energy};
 use sgmds_core::progress::Progress;
 use sgmds_core::selection::Mirror;
 use sgmds_core::shape::Shape;
@@ -130,6 +132,55 @@ fn a_mirror_image_is_matched_when_that_is_allowed() {
     let error = mean_error(&map, &source, &order);
     // Positions and normals of a mirrored body contradict the map a little.
     assert!(error < 0.02, "{error}");
+}
+
+#[test]
+fn a_part_finds_its_place_on_the_whole() {
+    let source = lumpy(4);
+    // Without the tips of two limbs: the vertices stay, so that vertex i is still vertex i.
+    let faces: Vec<[i64; 3]> = source
+        .1
+        .iter()
+        .filter(|f| f.iter().all(|&v| source.0[v as usize][2] > -1.7))
+        .copied()
+        .collect();
+    assert!(faces.len() + 100 < source.1.len());
+    let (whole, part) = (prepared(&source.0, &source.1), prepared(&source.0, &faces));
+    let options = Options {
+        shares: Some(Shares::TARGET_IS_PART),
+        ..Options::default()
+    };
+    let map = found(&whole, &part, &options);
+    let kept: Vec<u32> = part.mesh.input_vertex.clone();
+    let sum: f64 = kept
+        .iter()
+        .map(|&v| {
+            let image = source.0[map.vertices[v as usize] as usize];
+            length(sub(image, source.0[v as usize]))
+        })
+        .sum();
+    let error = sum / kept.len() as f64 / whole.mesh.scale;
+    // The spectra of part and whole differ, and an edge is 0.03 long; a wrong limb would cost 0.3.
+    assert!(error < 0.06, "{error}");
+}
+
+#[test]
+fn dirichlet_energy_of_the_identity_is_two() {
+    let source = lumpy(3);
+    let shape = prepared(&source.0, &source.1);
+    let corner_of = |v: usize| {
+        let face = shape.vertex_faces.row(v)[0];
+        let corner = shape.mesh.faces[face as usize]
+            .iter()
+            .position(|&c| c as usize == v);
+        let mut weights = [0.0; 3];
+        weights[corner.unwrap()] = 1.0;
+        SurfacePoint { face, weights }
+    };
+    let points: Vec<SurfacePoint> = (0..shape.mesh.vertices.len()).map(corner_of).collect();
+    // |∇x|² of the position is 2 everywhere on a surface, of a plane triangle too.
+    let energy = dirichlet_energy(&shape, &shape, &points);
+    assert!((energy - 2.0).abs() < 1e-9, "{energy}");
 }
 
 #[test]

@@ -49,6 +49,42 @@ const ORIENTATION_OFFSET: f64 = 1.2;
 /// Maps closer than this are the same.
 const SAME: f64 = 0.03;
 
+/// How much each shape's questions to the other count in fits and energies.
+///
+/// Between whole shapes both count alike. When one is a part of the other only its own points have
+/// an answer, and only they are asked.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Shares {
+    /// Weight of target points asking the source.
+    pub target: f64,
+    /// Weight of source points asking the target.
+    pub source: f64,
+}
+
+impl Shares {
+    /// Two whole shapes.
+    pub const BOTH: Self = Self {
+        target: 1.0,
+        source: 1.0,
+    };
+    /// The target is a part of the source.
+    pub const TARGET_IS_PART: Self = Self {
+        target: 2.0,
+        source: 0.0,
+    };
+    /// The source is a part of the target.
+    pub const SOURCE_IS_PART: Self = Self {
+        target: 0.0,
+        source: 2.0,
+    };
+
+    /// Mean of what the target's and the source's points give.
+    #[must_use]
+    pub fn mean(self, by_target: f64, by_source: f64) -> f64 {
+        f64::midpoint(self.target * by_target, self.source * by_source)
+    }
+}
+
 /// How wide to search.
 #[derive(Debug, Clone, Copy)]
 pub struct Width {
@@ -91,6 +127,7 @@ pub struct SampledPair<'a> {
     pub target: &'a Shape,
     /// The shape that answers.
     pub source: &'a Shape,
+    shares: Shares,
     side_target: Sampled,
     side_source: Sampled,
 }
@@ -113,8 +150,9 @@ struct Sampled {
 impl<'a> SampledPair<'a> {
     /// Gathers the samples of both shapes.
     #[must_use]
-    pub fn new(target: &'a Shape, source: &'a Shape) -> Self {
+    pub fn new(target: &'a Shape, source: &'a Shape, shares: Shares) -> Self {
         Self {
+            shares,
             target,
             source,
             side_target: Sampled::new(target, source),
@@ -282,6 +320,7 @@ impl<'a> SampledPair<'a> {
             self.side_source.basis.as_ref(),
             &candidate.on_source,
             &candidate.on_target,
+            self.shares,
             k,
         )?;
         Ok(self.judged(matrix))
@@ -333,11 +372,15 @@ impl<'a> SampledPair<'a> {
     /// Root mean square change of distances between samples, times the root of the mean
     /// descriptor mismatch.
     fn energy(&self, on_source: &[u32], on_target: &[u32]) -> f64 {
-        let distortion = self.side_source.distortion(on_source, &self.side_target)
-            + self.side_target.distortion(on_target, &self.side_source);
-        let mismatch =
-            self.side_source.mean_mismatch(on_source) + self.side_target.mean_mismatch(on_target);
-        (distortion / 2.0 * mismatch / 2.0).sqrt()
+        let distortion = self.shares.mean(
+            self.side_source.distortion(on_source, &self.side_target),
+            self.side_target.distortion(on_target, &self.side_source),
+        );
+        let mismatch = self.shares.mean(
+            self.side_source.mean_mismatch(on_source),
+            self.side_target.mean_mismatch(on_target),
+        );
+        (distortion * mismatch).sqrt()
     }
 
     /// Mean distance on the source between the images of two candidates.
@@ -509,28 +552,39 @@ pub fn fit(
     source: MatRef<'_, f64>,
     on_source: &[u32],
     on_target: &[u32],
+    shares: Shares,
     k: usize,
 ) -> Result<Mat<f64>> {
     let (first, second) = (on_source.len(), on_target.len());
+    let root = |i: usize| {
+        if i < first {
+            shares.target
+        } else {
+            shares.source
+        }
+        .sqrt()
+    };
     let p = Mat::from_fn(first + second, k, |i, j| {
-        source[(
-            if i < first {
-                on_source[i] as usize
-            } else {
-                i - first
-            },
-            j,
-        )]
+        root(i)
+            * source[(
+                if i < first {
+                    on_source[i] as usize
+                } else {
+                    i - first
+                },
+                j,
+            )]
     });
     let q = Mat::from_fn(first + second, k, |i, j| {
-        target[(
-            if i < first {
-                i
-            } else {
-                on_target[i - first] as usize
-            },
-            j,
-        )]
+        root(i)
+            * target[(
+                if i < first {
+                    i
+                } else {
+                    on_target[i - first] as usize
+                },
+                j,
+            )]
     });
     let gram = dense::product(p.transpose(), p.as_ref());
     let right = dense::product(p.transpose(), q.as_ref());

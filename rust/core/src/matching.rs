@@ -9,9 +9,10 @@ use crate::confidence::confidence;
 use crate::dense::{self, Rows};
 use crate::distance_operator;
 use crate::error::{Error, Result};
-use crate::map_search::{self, SampledPair, Width};
+use crate::map_search::{self, SampledPair, Shares, Width};
 use crate::pointwise_map::{self, SurfacePoint};
 use crate::progress::Progress;
+use crate::quality::{self, Grade};
 use crate::refinement::embedded_surface::{self, Refined, Side};
 use crate::refinement::propagation::Images;
 use crate::selection::{self, Figures, Mirror};
@@ -26,6 +27,12 @@ const FUNCTIONAL_MAP_SIZE: usize = 60;
 /// Ridge of that map's fit.
 const FUNCTIONAL_MAP_RIDGE: f64 = 1e-3;
 
+/// A map between a part and a whole is taken when its rank is below this times that of the map
+/// between wholes: right ones reach 0.5 to 0.78, on whole shapes they stay above 0.95.
+const PART_FITS_BETTER: f64 = 0.8;
+/// Close maps whose images lie nearer than this on average differ in some part only; then the
+/// tear around that part shows which is wrong.
+const MOSTLY_SAME: f64 = 0.15;
 /// Close hypotheses completed at most.
 const MOST_COMPLETED: usize = 3;
 
@@ -45,6 +52,8 @@ pub struct Options {
     pub method: Method,
     /// Whether mirrored maps are allowed.
     pub mirror: Mirror,
+    /// Which shape is a part of the other; found out when `None`.
+    pub shares: Option<Shares>,
     /// Pairs (source vertex, target vertex) in given numbering.
     pub landmarks: Vec<(u32, u32)>,
 }
@@ -54,6 +63,7 @@ impl Default for Options {
         Self {
             method: Method::Auto,
             mirror: Mirror::Forbid,
+            shares: None,
             landmarks: Vec::new(),
         }
     }
@@ -79,6 +89,8 @@ pub struct Hypothesis {
     pub matrix: Mat<f64>,
     /// Its figures in the vote.
     pub figures: Figures,
+    /// Which shape is a part of the other.
+    pub shares: Shares,
 }
 
 /// A dense map in given numbering: for every target vertex a point of the source.
@@ -96,6 +108,8 @@ pub struct Correspondence {
     pub functional_map: Mat<f64>,
     /// How the map was judged; nothing for the paper's method.
     pub figures: Option<Figures>,
+    /// Which shape was taken as a part of the other.
+    pub shares: Shares,
     /// How the paper's minimisation ended; nothing for the automatic method.
     pub convergence: Option<Convergence>,
     /// Target vertices without an image of their own.
@@ -119,24 +133,15 @@ pub fn match_shapes(
         Method::Paper => by_paper(source, target, progress, report),
         Method::Auto => {
             let landmarks = checked_landmarks(source, target, &options.landmarks)?;
-            report("search", 0.0)?;
-            let pair = SampledPair::new(target, source);
-            let candidates = pair.search(Width::default(), progress)?;
-            report("selection", 0.35)?;
-            let hypotheses: Vec<Hypothesis> = selection::vote(
-                target,
-                source,
-                &candidates,
-                options.mirror,
-                &landmarks,
-                &|f| report("selection", 0.35 + 0.25 * f),
-            )?
-            .into_iter()
-            .map(|v| Hypothesis {
-                matrix: v.matrix,
-                figures: v.figures,
-            })
-            .collect();
+            let hypotheses = match options.shares {
+                Some(shares) => {
+                    let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
+                    hypotheses(
+                        source, target, shares, options, &landmarks, progress, &stage,
+                    )?
+                }
+                None => whole_or_part(source, target, options, &landmarks, progress, report)?,
+            };
             clearest(source, target, hypotheses, progress, &|s, f| {
                 report(s, 0.6 + 0.4 * f)
             })
@@ -144,8 +149,78 @@ pub fn match_shapes(
     }
 }
 
+/// Hypotheses for two whole shapes; when they are poor also for either being a part of the other,
+/// which must then fit clearly better, since half as many questions are easier to answer well.
+fn whole_or_part(
+    source: &Shape,
+    target: &Shape,
+    options: &Options,
+    landmarks: &[(u32, u32)],
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Vec<Hypothesis>> {
+    let search = |shares: Shares, from: f64, to: f64| {
+        let stage = |s: &'static str, f: f64| report(s, from + (to - from) * f);
+        hypotheses(source, target, shares, options, landmarks, progress, &stage)
+    };
+    let mut best = search(Shares::BOTH, 0.0, 0.4)?;
+    let whole = best[0].figures;
+    if quality::graded(&whole, Shares::BOTH).0 != Grade::Red {
+        return Ok(best);
+    }
+    let mut bound = PART_FITS_BETTER * whole.rank();
+    for (shares, from, to) in [
+        (Shares::TARGET_IS_PART, 0.4, 0.5),
+        (Shares::SOURCE_IS_PART, 0.5, 0.6),
+    ] {
+        let mut part = match search(shares, from, to) {
+            Err(Error::NoMap { .. }) => continue,
+            found => found?,
+        };
+        if part[0].figures.rank() < bound {
+            bound = part[0].figures.rank();
+            part.push(best.swap_remove(0));
+            best = part;
+        }
+    }
+    Ok(best)
+}
+
+/// Plausible maps, best first.
+fn hypotheses(
+    source: &Shape,
+    target: &Shape,
+    shares: Shares,
+    options: &Options,
+    landmarks: &[(u32, u32)],
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Vec<Hypothesis>> {
+    report("search", 0.0)?;
+    let candidates = SampledPair::new(target, source, shares).search(Width::default(), progress)?;
+    report("selection", 0.5)?;
+    let voted = selection::vote(
+        target,
+        source,
+        &candidates,
+        options.mirror,
+        shares,
+        landmarks,
+        &|f| report("selection", 0.5 + 0.5 * f),
+    )?;
+    Ok(voted
+        .into_iter()
+        .map(|v| Hypothesis {
+            matrix: v.matrix,
+            figures: v.figures,
+            shares,
+        })
+        .collect())
+}
+
 /// The best hypothesis completed. Close ones are all completed and ranked anew by their refined
-/// maps; the others are kept as alternatives.
+/// maps, those that differ from the best in a part only also by how much they tear; the others are
+/// kept as alternatives.
 fn clearest(
     source: &Shape,
     target: &Shape,
@@ -154,17 +229,26 @@ fn clearest(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
     let close = selection::rivals(&hypotheses, |h| &h.figures).min(MOST_COMPLETED);
-    let completed: Vec<(f64, Correspondence)> = hypotheses[..close]
+    let mut completed: Vec<Completed> = hypotheses[..close]
         .par_iter()
         .map(|h| completed_and_ranked(source, target, h, progress, report))
         .collect::<Result<_>>()?;
-    let (best, (_, mut found)) = completed
-        .into_iter()
-        .enumerate()
-        .min_by(|(_, (a, _)), (_, (b, _))| a.total_cmp(b))
-        .ok_or(Error::NoMap {
-            reason: "no candidate stood in the vote".into(),
-        })?;
+    let lowest = |key: &dyn Fn(&Completed) -> f64| {
+        (0..completed.len()).min_by(|&i, &j| key(&completed[i]).total_cmp(&key(&completed[j])))
+    };
+    let first = lowest(&|c| c.rank).ok_or(Error::NoMap {
+        reason: "no candidate stood in the vote".into(),
+    })?;
+    let best = lowest(&|c| {
+        let apart = source.mean_spectral_distance(&c.images, &completed[first].images);
+        if apart < MOSTLY_SAME {
+            c.rank * c.dirichlet
+        } else {
+            f64::INFINITY
+        }
+    })
+    .unwrap_or(first);
+    let mut found = completed.swap_remove(best).found;
     hypotheses.remove(best);
     found.others = hypotheses;
     Ok(found)
@@ -181,21 +265,32 @@ pub fn completed(
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
-    completed_and_ranked(source, target, hypothesis, progress, report).map(|(_, found)| found)
+    completed_and_ranked(source, target, hypothesis, progress, report).map(|c| c.found)
 }
 
-/// The same with the rank of the refined map.
+/// A completed map with what decides between close ones.
+struct Completed {
+    found: Correspondence,
+    /// Rank of the refined map.
+    rank: f64,
+    /// Dirichlet energy of the carried positions.
+    dirichlet: f64,
+    /// Source vertices of the target's judging samples.
+    images: Vec<u32>,
+}
+
 fn completed_and_ranked(
     source: &Shape,
     target: &Shape,
     hypothesis: &Hypothesis,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
-) -> Result<(f64, Correspondence)> {
+) -> Result<Completed> {
     let state = embedded_surface::refined(
         target,
         source,
         hypothesis.matrix.as_ref(),
+        hypothesis.shares,
         embedded_surface::FULL,
         &|f| report("refinement", 0.9 * f),
     )?;
@@ -205,7 +300,7 @@ fn completed_and_ranked(
         source: answering,
         ..
     } = &state;
-    let mut found = dense_map(
+    let (points, mut found) = dense_map(
         source,
         target,
         (&asking.rows, &asking.images),
@@ -213,20 +308,28 @@ fn completed_and_ranked(
         progress,
     )?;
     found.figures = Some(hypothesis.figures);
+    found.shares = hypothesis.shares;
     let images = |side: &Side<'_>| -> Vec<u32> {
         selection::judging(side.shape())
             .iter()
             .map(|&v| side.images.vertex[v as usize])
             .collect()
     };
+    let on_source = images(asking);
     let refined = selection::figures(
         target,
         source,
         hypothesis.matrix.as_ref(),
-        &images(asking),
+        hypothesis.shares,
+        &on_source,
         &images(answering),
     );
-    Ok((refined.rank(), found))
+    Ok(Completed {
+        rank: refined.rank(),
+        dirichlet: pointwise_map::dirichlet_energy(target, source, &points),
+        images: on_source,
+        found,
+    })
 }
 
 fn by_paper(
@@ -280,7 +383,7 @@ fn by_paper(
     };
     let on_source = images(target, &target_rows, source, &source_rows);
     let on_target = images(source, &source_rows, target, &target_rows);
-    let mut found = dense_map(
+    let (_, mut found) = dense_map(
         source,
         target,
         (&target_rows, &on_source),
@@ -303,19 +406,14 @@ fn dense_map(
     (target_rows, on_source): (&Rows, &Images),
     (source_rows, on_target): (&Rows, &Images),
     progress: &Progress,
-) -> Result<Correspondence> {
+) -> Result<(Vec<SurfacePoint>, Correspondence)> {
     let images = &on_source.vertex[..target.mesh.surface_vertices];
     let back = &on_target.vertex[..source.mesh.surface_vertices];
     let points = pointwise_map::projected(target_rows, source_rows, images, source);
     let trust = confidence(target, source, images, progress)?;
     let functional_map = functional_map(source, target, images, back)?;
-    Ok(in_given_numbering(
-        source,
-        target,
-        &points,
-        &trust,
-        functional_map,
-    ))
+    let found = in_given_numbering(source, target, &points, &trust, functional_map);
+    Ok((points, found))
 }
 
 /// α with Φₜ α ≈ Φₛ at matched points of both vertex maps, weighted by area; in given units a
@@ -398,6 +496,7 @@ fn in_given_numbering(
         confidence: Vec::with_capacity(count),
         functional_map,
         figures: None,
+        shares: Shares::BOTH,
         convergence: None,
         unmatched: 0,
         others: Vec::new(),

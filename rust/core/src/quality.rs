@@ -1,5 +1,6 @@
 //! A grade for a whole map, with its reasons in words.
 
+use crate::map_search::Shares;
 use crate::selection::Figures;
 
 /// How far a map can be trusted as a whole.
@@ -32,8 +33,13 @@ impl Grade {
 
 /// Grade and reasons of a map by its figures.
 #[must_use]
-pub fn graded(figures: &Figures) -> (Grade, Vec<String>) {
+pub fn graded(figures: &Figures, shares: Shares) -> (Grade, Vec<String>) {
     let mut reasons = Vec::new();
+    if shares == Shares::TARGET_IS_PART {
+        reasons.push("the target looks like a part of the source".into());
+    } else if shares == Shares::SOURCE_IS_PART {
+        reasons.push("the source looks like a part of the target".into());
+    }
     let o = figures.orientation;
     let d = 100.0 * figures.local_distortion;
     if o < ORIENTATION.1 {

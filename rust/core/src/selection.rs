@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use crate::dense::{self, Rows};
 use crate::error::{Error, Result};
-use crate::map_search::Candidate;
+use crate::map_search::{Candidate, Shares};
 use crate::nearest::nearest;
 use crate::orientation::{TangentGradients, orientation};
 use crate::refinement::embedded_surface::{self, Side};
@@ -101,17 +101,20 @@ pub fn vote(
     source: &Shape,
     candidates: &[Candidate],
     mirror: Mirror,
+    shares: Shares,
     landmarks: &[(u32, u32)],
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Vec<Voted>> {
-    let mut scored = scored(target, source, candidates, mirror, landmarks, report)?;
+    let mut scored = scored(
+        target, source, candidates, mirror, shares, landmarks, report,
+    )?;
     scored.sort_by(|a, b| a.score.total_cmp(&b.score));
     let voters = different(source, scored, mirror);
     let judged: Vec<Voted> = voters
         .par_iter()
         .map(|s| {
             report(0.6)?;
-            judged(target, source, s)
+            judged(target, source, shares, s)
         })
         .collect::<Result<_>>()?;
     Ok(ordered(judged))
@@ -122,6 +125,7 @@ fn scored(
     source: &Shape,
     candidates: &[Candidate],
     mirror: Mirror,
+    shares: Shares,
     landmarks: &[(u32, u32)],
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Vec<Scored>> {
@@ -140,8 +144,10 @@ fn scored(
         .par_iter()
         .map(|c| {
             report(0.2)?;
-            let matrix = upsampling::upsampled(target, source, c)?;
-            Ok(score(target, source, matrix, c.energy, mirror, landmarks))
+            let matrix = upsampling::upsampled(target, source, c, shares)?;
+            Ok(score(
+                target, source, matrix, c.energy, mirror, shares, landmarks,
+            ))
         })
         .collect()
 }
@@ -153,6 +159,7 @@ fn score(
     matrix: Mat<f64>,
     energy: f64,
     mirror: Mirror,
+    shares: Shares,
     landmarks: &[(u32, u32)],
 ) -> Scored {
     let k = matrix.ncols();
@@ -169,7 +176,7 @@ fn score(
             f64::INFINITY,
         )
     };
-    let distortion = f64::midpoint(
+    let distortion = shares.mean(
         change(target, ask_t, source, &images),
         change(source, ask_s, target, &back),
     );
@@ -183,7 +190,12 @@ fn score(
         }
     }
     let norm: f64 = values_t[..k].iter().map(|l| l * l).sum();
-    let ell = (commutator / norm).sqrt();
+    // The spectra of a part and of the whole do not commute with a right map.
+    let ell = if shares == Shares::BOTH {
+        (commutator / norm).sqrt()
+    } else {
+        1.0
+    };
     let missed = missed_landmarks(source, &rows_t, &rows_s, landmarks);
     Scored {
         matrix,
@@ -256,11 +268,12 @@ fn different(source: &Shape, scored: Vec<Scored>, mirror: Mirror) -> Vec<Scored>
 }
 
 /// Short refinement, then the figures by which candidates are ordered.
-fn judged(target: &Shape, source: &Shape, scored: &Scored) -> Result<Voted> {
+fn judged(target: &Shape, source: &Shape, shares: Shares, scored: &Scored) -> Result<Voted> {
     let state = embedded_surface::refined(
         target,
         source,
         scored.matrix.as_ref(),
+        shares,
         embedded_surface::SHORT,
         &|_| Ok(()),
     )?;
@@ -271,6 +284,7 @@ fn judged(target: &Shape, source: &Shape, scored: &Scored) -> Result<Voted> {
         target,
         source,
         scored.matrix.as_ref(),
+        shares,
         &on_source,
         &on_target,
     );
@@ -293,6 +307,7 @@ pub fn figures(
     target: &Shape,
     source: &Shape,
     matrix: MatRef<'_, f64>,
+    shares: Shares,
     on_source: &[u32],
     on_target: &[u32],
 ) -> Figures {
@@ -307,7 +322,7 @@ pub fn figures(
     Figures {
         score: 0.0,
         orientation: orientation_of((target, judging(target)), (source, on_source), matrix),
-        local_distortion: f64::midpoint(
+        local_distortion: shares.mean(
             change(target, source, on_source),
             change(source, target, on_target),
         ),

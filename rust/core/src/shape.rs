@@ -200,6 +200,25 @@ impl Shape {
         )
     }
 
+    /// Mean distance between the vertices of two lists of equal length.
+    #[must_use]
+    pub fn mean_spectral_distance(&self, a: &[u32], b: &[u32]) -> f64 {
+        let k = self.distance_operator.nrows();
+        let basis = self.basis.functions.as_ref();
+        let half = dense::product(
+            dense::gather_rows(basis, a, k).as_ref(),
+            self.distance_operator.as_ref(),
+        );
+        let other = dense::gather_rows(basis, b, k);
+        let sum: f64 = (0..a.len())
+            .map(|i| {
+                let d: f64 = (0..k).map(|j| half[(i, j)] * other[(i, j)]).sum();
+                if a[i] == b[i] { 0.0 } else { d.max(0.0) }
+            })
+            .sum();
+        sum / a.len() as f64
+    }
+
     /// The farthest-point samples, filled up with vertices in an order that looks random, so that
     /// small and large features get their share.
     #[must_use]

@@ -31,7 +31,8 @@ def match(
     method : {"auto", "paper"}
         Our best, or the published algorithm from an automatic initialisation.
     part : {None, "source", "target"}
-        Which shape is a part of the other.
+        Which shape is a part of the other: then only its own points ask for an image while the map
+        is sought. ``None`` finds out: parts are tried where the map between wholes is poor.
     mirror : {"forbid", "allow"}
         Whether a map that exchanges left and right may be chosen.
     progress : callable, optional
@@ -60,7 +61,7 @@ def match(
     sides = [_side(name, s) for name, s in (("source", source), ("target", target))]
     counts = [len(vertices) for vertices, _, _ in sides]
     raw = _core.match_pair(
-        sides[0][2], sides[1][2], method, mirror, _pairs(landmarks, counts), progress, threads
+        sides[0][2], sides[1][2], method, mirror, part, _pairs(landmarks, counts), progress, threads
     )
     return Correspondence._from_core(raw, sides[0][1], counts[0])
 

@@ -12,6 +12,7 @@ use std::sync::Arc;
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use sgmds_core::map_search::Shares;
 use sgmds_core::matching::{self, Correspondence, Hypothesis, Method, Options};
 use sgmds_core::selection::{Figures, Mirror};
 use sgmds_core::shape::Shape;
@@ -252,7 +253,7 @@ impl RawMatch {
         let dict = PyDict::new(py);
         dict.set_item("unmatched", self.found.unmatched)?;
         if let Some(figures) = &self.found.figures {
-            let (grade, reasons) = quality::graded(figures);
+            let (grade, reasons) = quality::graded(figures, self.found.shares);
             dict.set_item("grade", grade.name())?;
             dict.set_item("reasons", reasons)?;
             let Figures {
@@ -305,7 +306,7 @@ impl RawMatch {
 
 /// Matches two shapes, each prepared or a pair of contiguous arrays (float64, int64).
 #[pyfunction]
-#[pyo3(signature = (source, target, method, mirror, landmarks, progress=None, threads=None))]
+#[pyo3(signature = (source, target, method, mirror, part, landmarks, progress=None, threads=None))]
 #[expect(
     clippy::too_many_arguments,
     reason = "keyword arguments of the Python function"
@@ -316,6 +317,7 @@ fn match_pair(
     target: &Bound<'_, PyAny>,
     method: &str,
     mirror: &str,
+    part: Option<&str>,
     landmarks: Vec<(u32, u32)>,
     progress: Option<&Bound<'_, PyAny>>,
     threads: Option<usize>,
@@ -330,6 +332,11 @@ fn match_pair(
             Mirror::Allow
         } else {
             Mirror::Forbid
+        },
+        shares: match part {
+            Some("source") => Some(Shares::SOURCE_IS_PART),
+            Some("target") => Some(Shares::TARGET_IS_PART),
+            _ => None,
         },
         landmarks,
     };

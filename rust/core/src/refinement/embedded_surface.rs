@@ -15,6 +15,7 @@ use faer::{Mat, MatRef};
 
 use crate::dense::{self, Rows};
 use crate::error::Result;
+use crate::map_search::Shares;
 use crate::mesh::{self, Adjacency};
 use crate::nearest::nearest;
 use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
@@ -59,7 +60,7 @@ pub struct Side<'a> {
     shape: &'a Shape,
     /// Vertices that ask.
     pub asking: Vec<u32>,
-    /// Weight of each in the fits; they sum to one.
+    /// Weight of each in the fits; they sum to this side's share.
     weights: Vec<f64>,
     /// Which asking vertices are neighbours (none when only some ask).
     neighbours: Adjacency,
@@ -96,10 +97,11 @@ pub fn refined<'a>(
     target: &'a Shape,
     source: &'a Shape,
     matrix: MatRef<'_, f64>,
+    shares: Shares,
     schedule: Schedule,
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Refined<'a>> {
-    let mut state = Refined::start(target, source, matrix, schedule.drawn);
+    let mut state = Refined::start(target, source, matrix, shares, schedule.drawn);
     state.rotate_target_onto_source()?;
     let most = target.basis.values.len().min(source.basis.values.len());
     for (step, &size) in schedule.sizes.iter().enumerate() {
@@ -110,16 +112,17 @@ pub fn refined<'a>(
 }
 
 impl<'a> Side<'a> {
-    fn new(shape: &'a Shape, drawn: Option<usize>) -> Self {
+    fn new(shape: &'a Shape, drawn: Option<usize>, share: f64) -> Self {
         let mesh = &shape.mesh;
         let (asking, neighbours, weights) = if let Some(count) = drawn {
             let asking = shape.drawn_vertices(count);
             let none = Adjacency::empty(asking.len());
-            let weights = vec![1.0 / asking.len() as f64; asking.len()];
+            let weights = vec![share / asking.len() as f64; asking.len()];
             (asking, none, weights)
         } else {
             let all = (0..mesh.vertices.len() as u32).collect();
-            (all, shape.neighbours.clone(), shape.mass.clone())
+            let weights = shape.mass.iter().map(|a| share * a).collect();
+            (all, shape.neighbours.clone(), weights)
         };
         let weighted = Mat::from_fn(mesh.vertices.len(), 3, |i, c| {
             shape.mass[i] * mesh.vertices[i][c]
@@ -187,11 +190,12 @@ impl<'a> Refined<'a> {
         target: &'a Shape,
         source: &'a Shape,
         matrix: MatRef<'_, f64>,
+        shares: Shares,
         drawn: Option<usize>,
     ) -> Self {
         let mut state = Self {
-            target: Side::new(target, drawn),
-            source: Side::new(source, drawn),
+            target: Side::new(target, drawn, shares.target),
+            source: Side::new(source, drawn, shares.source),
             deformed: Mat::zeros(0, 3),
             matrix: matrix.to_owned(),
         };

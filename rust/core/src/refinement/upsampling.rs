@@ -7,7 +7,7 @@ use faer::Mat;
 
 use crate::dense::{self, Rows};
 use crate::error::Result;
-use crate::map_search::{Candidate, fit};
+use crate::map_search::{Candidate, Shares, fit};
 use crate::nearest::nearest;
 use crate::shape::Shape;
 
@@ -21,7 +21,12 @@ const STEP: usize = 4;
 ///
 /// # Errors
 /// [`crate::Error::NotFactorised`] when the point maps collapse.
-pub fn upsampled(target: &Shape, source: &Shape, candidate: &Candidate) -> Result<Mat<f64>> {
+pub fn upsampled(
+    target: &Shape,
+    source: &Shape,
+    candidate: &Candidate,
+    shares: Shares,
+) -> Result<Mat<f64>> {
     let largest = UPSAMPLED_SIZE
         .min(target.basis.values.len())
         .min(source.basis.values.len());
@@ -39,6 +44,7 @@ pub fn upsampled(target: &Shape, source: &Shape, candidate: &Candidate) -> Resul
             on_source.as_ref(),
             &nearest(&asked, &answers),
             &nearest(&answers, &asked),
+            shares,
             (k + STEP).min(largest),
         )?;
         if k == largest {
