@@ -69,7 +69,7 @@ pub fn graded(figures: &Figures, shares: Shares) -> (Grade, Vec<String>) {
         Grade::Amber
     };
     if grade == Grade::Green {
-        reasons.push("distances, bending and orientation agree".into());
+        reasons.push("distances and orientation agree".into());
     }
     (grade, reasons)
 }
