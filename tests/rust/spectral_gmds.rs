@@ -22,6 +22,19 @@ struct Sphere {
     fields: Mat<f64>,
 }
 
+impl Sphere {
+    fn operator(&self) -> Mat<f64> {
+        distance_operator::from_fields(
+            self.basis.functions.as_ref(),
+            &self.basis.values,
+            &self.mass,
+            &self.samples,
+            self.fields.as_ref(),
+        )
+        .unwrap()
+    }
+}
+
 fn sphere(pairs: usize) -> Sphere {
     let (vertices, faces) = icosphere(4);
     let mesh = Mesh::new(&vertices, &faces, false).unwrap();
@@ -59,14 +72,7 @@ fn check_against_funk_hecke(alpha: &Mat<f64>, tolerance: f64) {
 #[test]
 fn operator_of_the_sphere_from_whole_fields() {
     let s = sphere(25);
-    let alpha = distance_operator::from_fields(
-        s.basis.functions.as_ref(),
-        &s.basis.values,
-        &s.mass,
-        &s.samples,
-        s.fields.as_ref(),
-    )
-    .unwrap();
+    let alpha = s.operator();
     // The chords of the icosphere are half a percent shorter than the arcs.
     check_against_funk_hecke(&alpha, 0.01);
     for i in 0..25 {
@@ -128,14 +134,7 @@ fn objective(s: &Sphere, alpha: &Mat<f64>, weights: Weights) -> (f64, Mat<f64>, 
 #[test]
 fn gradient_agrees_with_differences_of_the_energy() {
     let s = sphere(10);
-    let alpha = distance_operator::from_fields(
-        s.basis.functions.as_ref(),
-        &s.basis.values,
-        &s.mass,
-        &s.samples,
-        s.fields.as_ref(),
-    )
-    .unwrap();
+    let alpha = s.operator();
     let (energy, gradient, slopes) = objective(&s, &alpha, Weights::default());
     for i in 0..10 {
         for j in 0..10 {
@@ -152,14 +151,7 @@ fn gradient_agrees_with_differences_of_the_energy() {
 #[test]
 fn minimiser_keeps_the_mass_and_reaches_zero_on_a_shape_and_itself() {
     let s = sphere(10);
-    let alpha = distance_operator::from_fields(
-        s.basis.functions.as_ref(),
-        &s.basis.values,
-        &s.mass,
-        &s.samples,
-        s.fields.as_ref(),
-    )
-    .unwrap();
+    let alpha = s.operator();
     let objective = Objective {
         target_operator: alpha.as_ref(),
         source_operator: alpha.as_ref(),

@@ -3,7 +3,8 @@
 // Indices of these meshes are far below 2^63; equal to the bit is what is claimed.
 #![allow(clippy::cast_possible_wrap, clippy::float_cmp)]
 
-use std::collections::HashMap;
+mod common;
+
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -12,51 +13,9 @@ use sgmds_core::error::Error;
 use sgmds_core::laplacian::Laplacian;
 use sgmds_core::mesh::Mesh;
 
-type Point = [f64; 3];
-
-/// Icosahedron with every triangle split in four, so many times, on the unit sphere.
 fn icosphere(subdivisions: usize) -> Mesh {
-    let g = f64::midpoint(1.0, 5.0f64.sqrt());
-    let mut vertices: Vec<Point> = Vec::new();
-    for (a, b) in [(1.0, g), (1.0, -g), (-1.0, g), (-1.0, -g)] {
-        vertices.extend([[0.0, a, b], [a, b, 0.0], [b, 0.0, a]]);
-    }
-    // Faces: triples of mutual nearest neighbours (edge length 2), wound outward.
-    let near = |i: usize, j: usize| (distance(vertices[i], vertices[j]) - 2.0).abs() < 1e-9;
-    let mut faces: Vec<[i64; 3]> = Vec::new();
-    for i in 0..12 {
-        for j in i + 1..12 {
-            for k in j + 1..12 {
-                if near(i, j) && near(j, k) && near(k, i) {
-                    faces.push([i as i64, j as i64, k as i64]);
-                }
-            }
-        }
-    }
-    for _ in 0..subdivisions {
-        let mut middles = HashMap::new();
-        let mut split = Vec::with_capacity(4 * faces.len());
-        for [a, b, c] in faces {
-            let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
-                *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
-                    let (p, q) = (vertices[p as usize], vertices[q as usize]);
-                    vertices.push([0, 1, 2].map(|i| f64::midpoint(p[i], q[i])));
-                    vertices.len() as i64 - 1
-                })
-            });
-            split.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-        }
-        faces = split;
-        for p in &mut vertices {
-            let length = distance(*p, [0.0; 3]);
-            *p = p.map(|x| x / length);
-        }
-    }
+    let (vertices, faces) = common::icosphere(subdivisions);
     Mesh::new(&vertices, &faces, false).unwrap()
-}
-
-fn distance(a: Point, b: Point) -> f64 {
-    (0..3).map(|i| (a[i] - b[i]).powi(2)).sum::<f64>().sqrt()
 }
 
 /// An open, uneven sheet with obtuse triangles, renumbered by `order`.
