@@ -112,10 +112,7 @@ pub fn vote(
     let voters = different(source, scored, mirror);
     let judged: Vec<Voted> = voters
         .par_iter()
-        .map(|s| {
-            report(0.6)?;
-            judged(target, source, shares, s)
-        })
+        .map(|s| judged(target, source, shares, s, &|| report(0.6)))
         .collect::<Result<_>>()?;
     Ok(ordered(judged))
 }
@@ -268,14 +265,20 @@ fn different(source: &Shape, scored: Vec<Scored>, mirror: Mirror) -> Vec<Scored>
 }
 
 /// Short refinement, then the figures by which candidates are ordered.
-fn judged(target: &Shape, source: &Shape, shares: Shares, scored: &Scored) -> Result<Voted> {
+fn judged(
+    target: &Shape,
+    source: &Shape,
+    shares: Shares,
+    scored: &Scored,
+    check: &(dyn Fn() -> Result<()> + Sync),
+) -> Result<Voted> {
     let state = embedded_surface::refined(
         target,
         source,
         scored.matrix.as_ref(),
         shares,
         embedded_surface::SHORT,
-        &|_| Ok(()),
+        &|_| check(),
     )?;
     // The drawn vertices begin with the farthest-point samples.
     let images = |side: &Side<'_>| side.images.vertex[..judging(side.shape()).len()].to_vec();
