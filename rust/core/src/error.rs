@@ -25,8 +25,6 @@ pub enum Error {
         wanted: usize,
         residual: f64,
     },
-    /// Not enough memory is foreseen.
-    TooLarge { vertices: usize, limit: usize },
     /// No candidate map survived.
     NoMap { reason: String },
     /// An argument has no meaning here.
@@ -79,10 +77,6 @@ impl fmt::Display for Error {
                 f,
                 "{found} of {wanted} eigenpairs converged (largest residual {residual:.1e}): \
                  ask for fewer, or clean up needle triangles"
-            ),
-            Self::TooLarge { vertices, limit } => write!(
-                f,
-                "the mesh has {vertices} vertices, more than the {limit} that fit: decimate it"
             ),
             Self::NoMap { reason } => write!(f, "no plausible map was found: {reason}"),
             Self::BadArgument { what } => write!(f, "{what}"),

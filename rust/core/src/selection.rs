@@ -53,8 +53,6 @@ pub struct Scored {
     pub score: f64,
     /// Orientation of the upsampled map.
     pub orientation: f64,
-    /// Mean change of distances between samples.
-    pub distortion: f64,
     images: Vec<u32>,
 }
 
@@ -198,7 +196,6 @@ fn score(
         matrix,
         score: energy * distortion * (ORIENTATION_OFFSET.0 - o) * ell * (1.0 + missed),
         orientation: o,
-        distortion,
         images,
     }
 }

@@ -10,8 +10,7 @@ pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
         Error::EmptyMesh { .. }
         | Error::NotFinite { .. }
         | Error::FaceIndexOutOfRange { .. }
-        | Error::TooFewVertices { .. }
-        | Error::TooLarge { .. } => "MeshError",
+        | Error::TooFewVertices { .. } => "MeshError",
         Error::BadArgument { .. } => "ArgumentError",
         Error::NotFactorised { .. } | Error::NotConverged { .. } | Error::NoMap { .. } => {
             "MatchError"

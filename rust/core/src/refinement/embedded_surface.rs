@@ -279,14 +279,10 @@ impl<'a> Refined<'a> {
         let (t, s) = (&self.target, &self.source);
         let own = t.weighted_rows(t.basis(k), &t.asking);
         let answered = s.weighted_rows(t.basis(k), &s.images.vertex);
-        let own_shift = difference(
-            &t.weighted_rows(s.smoothed.as_ref(), &t.images.vertex),
-            &t.weighted_rows(t.smoothed.as_ref(), &t.asking),
-        );
-        let answered_shift = difference(
-            &s.weighted_rows(s.smoothed.as_ref(), &s.asking),
-            &s.weighted_rows(t.smoothed.as_ref(), &s.images.vertex),
-        );
+        let own_shift = &t.weighted_rows(s.smoothed.as_ref(), &t.images.vertex)
+            - &t.weighted_rows(t.smoothed.as_ref(), &t.asking);
+        let answered_shift = &s.weighted_rows(s.smoothed.as_ref(), &s.asking)
+            - &s.weighted_rows(t.smoothed.as_ref(), &s.images.vertex);
         let mut gram = dense::product(own.transpose(), own.as_ref());
         dense::add_product(gram.as_mut(), answered.transpose(), answered.as_ref());
         let mut right = dense::product(own.transpose(), own_shift.as_ref());
@@ -405,10 +401,6 @@ fn first_images(
     } else {
         images.vertex = found;
     }
-}
-
-fn difference(a: &Mat<f64>, b: &Mat<f64>) -> Mat<f64> {
-    a - b
 }
 
 fn determinant(m: MatRef<'_, f64>) -> f64 {
