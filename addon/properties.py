@@ -13,6 +13,8 @@ from bpy.props import (
 )
 from bpy.types import Object, PropertyGroup
 
+from .transfer import TransferChoice, TransferOptions
+
 
 def _is_mesh(_settings, obj):
     return obj.type == "MESH"
@@ -46,8 +48,8 @@ class SPECTRAL_MATCH_PG_skipped(PropertyGroup):
     """Something of the source that stays behind; `name` is "kind/name"."""
 
 
-class SPECTRAL_MATCH_PG_settings(PropertyGroup):
-    """Settings of a scene."""
+class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup):
+    """Settings of a scene; those of the transfer are declared with each kind of data."""
 
     pinned: BoolProperty(
         name="Pin",
@@ -109,38 +111,7 @@ class SPECTRAL_MATCH_PG_settings(PropertyGroup):
         description="Also accept a match that turns left into right, as between a left and a right hand",
     )
 
-    use_groups: BoolProperty(
-        name="Vertex Groups", default=True, description="Carry vertex groups and their weights"
-    )
-    use_uv: BoolProperty(
-        name="UV Maps", default=True, description="Carry UV maps, cut where the source's seams fall"
-    )
-    use_colours: BoolProperty(name="Color Attributes", default=True, description="Carry painted colors")
-    open_groups: BoolProperty(name="Show", description="List the vertex groups one by one")
-    open_uv: BoolProperty(name="Show", description="List the UV maps one by one")
-    open_colours: BoolProperty(name="Show", description="List the color attributes one by one")
     skipped: CollectionProperty(type=SPECTRAL_MATCH_PG_skipped)
-
-    limit_total: BoolProperty(
-        name="Limit Total", default=False, description="Keep only the strongest weights of each vertex"
-    )
-    limit: IntProperty(
-        name="Weights per Vertex", default=4, min=1, soft_max=8, description="Game engines usually take 4"
-    )
-    normalize: BoolProperty(
-        name="Normalize",
-        default=True,
-        description="After limiting, scale each vertex's weights back to the sum that came across: 1 if the "
-        "source's weights sum to 1",
-    )
-    prune: FloatProperty(
-        name="Prune Below",
-        default=0.001,
-        min=0.0,
-        max=0.5,
-        precision=3,
-        description="Drop weights smaller than this",
-    )
 
     landmarks: CollectionProperty(type=SPECTRAL_MATCH_PG_landmark)
     landmark_index: IntProperty(name="Landmark", description="Chosen pair of landmarks")

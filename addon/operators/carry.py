@@ -4,13 +4,24 @@
 from bpy.props import StringProperty
 from bpy.types import Operator
 
+from .. import core, mesh_write, pair
 from .. import job as job_module
-from .. import mesh_write, pair
 from ..mesh_read import UnusableObjectError
-from ..transfer import KINDS, carry_all
+from ..transfer import KINDS, TransferOptions, carry_all
 
 
-class SPECTRAL_MATCH_OT_transfer(Operator):
+class GivenOptions:
+    """An operator's options where a script gave them, else those of the scene."""
+
+    def __init__(self, operator, settings):
+        self._operator, self._settings = operator, settings
+
+    def __getattr__(self, name):
+        given = self._operator.properties.is_property_set(name)
+        return getattr(self._operator if given else self._settings, name)
+
+
+class SPECTRAL_MATCH_OT_transfer(TransferOptions, Operator):
     """Carry the checked data from the source to every matched target"""
 
     bl_idname = "spectral_match.transfer"
@@ -21,6 +32,11 @@ class SPECTRAL_MATCH_OT_transfer(Operator):
         name="Kinds",
         description="For scripts: comma-separated kinds of data instead of the check boxes, of "
         + ", ".join(kind.identifier for kind in KINDS),
+        options={"SKIP_SAVE"},
+    )
+    items: StringProperty(
+        name="Items",
+        description="For scripts: what to carry, an item a line, each as kind/name, for example groups/Hand.L",
         options={"SKIP_SAVE"},
     )
 
@@ -37,22 +53,21 @@ class SPECTRAL_MATCH_OT_transfer(Operator):
 
     def execute(self, context):
         found = pair.resolve(context)
-        wanted = [name.strip() for name in self.kinds.split(",") if name.strip()]
-        unknown = set(wanted) - {kind.identifier for kind in KINDS}
-        if unknown:
-            known = ", ".join(kind.identifier for kind in KINDS)
-            self.report(
-                {"ERROR"}, f"There is no kind of data named {', '.join(sorted(unknown))}. There are: {known}"
-            )
+        settings = context.scene.spectral_match
+        options = GivenOptions(self, settings)
+        try:
+            chosen = self._choice(settings)
+        except UnusableObjectError as reason:
+            self.report({"ERROR"}, str(reason))
             return {"CANCELLED"}
         notes, carried = [], 0
         for target in found.targets:
             try:
                 sources = [target.spectral_match_source or found.source, target]
                 with mesh_write.object_mode(context, sources):
-                    notes += carry_all(context, target, wanted or None)
+                    notes += carry_all(target, options, chosen)
                 carried += 1
-            except UnusableObjectError as reason:
+            except (UnusableObjectError, core.CoreMissingError) as reason:
                 notes.append(str(reason))
         for words in notes:
             self.report({"WARNING"} if carried else {"ERROR"}, words)
@@ -60,6 +75,24 @@ class SPECTRAL_MATCH_OT_transfer(Operator):
             return {"CANCELLED"}
         self.report({"INFO"}, f"Transferred to {carried} mesh{'es' if carried > 1 else ''}")
         return {"FINISHED"}
+
+    def _choice(self, settings):
+        """Which items go: those named by the script, those of its kinds, or those checked in the panel."""
+        known = [kind.identifier for kind in KINDS]
+        items = {line.strip() for line in self.items.splitlines() if line.strip()}
+        kinds = {name.strip() for name in self.kinds.split(",") if name.strip()}
+        unknown = (kinds | {item.partition("/")[0] for item in items}) - set(known)
+        if unknown:
+            raise UnusableObjectError(
+                f"There is no kind of data named {', '.join(sorted(unknown))}. There are: {', '.join(known)}"
+            )
+
+        def chosen(kind, name):
+            if items or kinds:
+                return kind.identifier in kinds or f"{kind.identifier}/{name}" in items
+            return getattr(settings, f"use_{kind.identifier}") and not settings.skips(kind.identifier, name)
+
+        return chosen
 
 
 class SPECTRAL_MATCH_OT_toggle_item(Operator):

@@ -1,51 +1,59 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What can be carried over, a module for each kind of data.
+"""What can be carried over: a module for each kind of data, its `KIND` listed in `KINDS`."""
 
-A kind has `names(source)`, what the source has of it, and `carry(route, names, settings)`, which reads it
-there, carries it along the route, writes it to the target and returns words about what needs the artist's
-attention.
-"""
-
-from collections.abc import Callable
-from dataclasses import dataclass
+from bpy.props import BoolProperty
 
 from . import colours, uv_maps, vertex_groups
+from .kind import Kind, Prepared
 from .route import Route
 
+__all__ = ["KINDS", "Kind", "Prepared", "TransferChoice", "TransferOptions", "carry_all"]
 
-@dataclass(frozen=True)
-class Kind:
-    """One kind of data; `identifier` names it in scripts and, after `use_` or `open_`, in settings."""
+KINDS = (vertex_groups.KIND, uv_maps.KIND, colours.KIND)
 
-    identifier: str
-    label: str
-    icon: str
-    names: Callable
-    carry: Callable
-
-
-KINDS = (
-    Kind("groups", "Vertex Groups", "GROUP_VERTEX", vertex_groups.names, vertex_groups.carry),
-    Kind("uv", "UV Maps", "GROUP_UVS", uv_maps.names, uv_maps.carry),
-    Kind("colours", "Color Attributes", "GROUP_VCOL", colours.names, colours.carry),
+# Both classes only bring properties to the property group or operator that inherits them.
+TransferOptions = type(
+    "TransferOptions",
+    (),
+    {
+        "__doc__": "Every option of every kind.",
+        "__annotations__": {name: made for kind in KINDS for name, made in kind.options.items()},
+    },
+)
+TransferChoice = type(
+    "TransferChoice",
+    (),
+    {
+        "__doc__": "`use_KIND` chooses a kind, `open_KIND` lists its items in the panel.",
+        "__annotations__": {
+            f"use_{kind.identifier}": BoolProperty(
+                name=kind.label, description=kind.description, default=kind.default
+            )
+            for kind in KINDS
+        }
+        | {
+            f"open_{kind.identifier}": BoolProperty(
+                name="Show", description=f"List the {kind.label.lower()} one by one"
+            )
+            for kind in KINDS
+        },
+    },
 )
 
 
-def carry_all(context, target, kinds=None):
-    """Carry what is checked in the panel, or everything of `kinds`, to one target; returns warnings."""
-    settings = context.scene.spectral_match
+def carry_all(target, options, chosen):
+    """Carry to one target all names for which `chosen(kind, name)` holds; returns words for the artist.
+
+    Everything is computed before anything is written, so that a kind that cannot be carried leaves the
+    target as it was.
+    """
     route = Route(target)
-    notes = []
+    prepared = []
     for kind in KINDS:
-        asked = getattr(settings, f"use_{kind.identifier}") if kinds is None else kind.identifier in kinds
-        if not asked:
-            continue
-        wanted = [
-            name
-            for name in kind.names(route.source)
-            if kinds is not None or not settings.skips(kind.identifier, name)
-        ]
-        if wanted:
-            notes += kind.carry(route, wanted, settings)
+        names = [name for name in kind.names(route.source) if chosen(kind, name)]
+        if names:
+            prepared.append(kind.prepare(route, names, options))
+    for part in prepared:
+        part.write()
     target.data.update()
-    return notes
+    return [note for part in prepared for note in part.notes]

@@ -4,6 +4,7 @@
 import numpy as np
 
 from ..mesh_write import read_attribute, write_attribute
+from .kind import Kind, Prepared
 
 OURS = "match_"
 
@@ -12,13 +13,21 @@ def names(source):
     return [layer.name for layer in source.data.color_attributes if not layer.name.startswith(OURS)]
 
 
-def carry(route, wanted, _settings):
-    source, target = route.source.data, route.target.data
+def prepare(route, wanted, _options):
+    source = route.source.data
+    carried = []
     for name in wanted:
         layer = source.color_attributes[name]
         values = read_attribute(layer)
-        carried = route.to_points(values) if layer.domain == "POINT" else carry_corners(route, values)
-        write_attribute(target, name, layer.data_type, layer.domain, np.clip(carried, 0.0, None))
+        values = route.to_points(values) if layer.domain == "POINT" else carry_corners(route, values)
+        carried.append((name, layer.data_type, layer.domain, np.clip(values, 0.0, None)))
+    return Prepared(lambda: _write(route, wanted, carried))
+
+
+def _write(route, wanted, carried):
+    source, target = route.source.data, route.target.data
+    for layer in carried:
+        write_attribute(target, *layer)
     active, shown = source.color_attributes.active_color, target.color_attributes.active_color
     if active is not None and active.name in wanted and (shown is None or not shown.name.startswith(OURS)):
         target.color_attributes.active_color = target.color_attributes[active.name]
@@ -26,7 +35,6 @@ def carry(route, wanted, _settings):
     name = source.color_attributes[render].name if render >= 0 else ""
     if name in wanted:
         target.color_attributes.render_color_index = target.color_attributes.find(name)
-    return []
 
 
 def carry_corners(route, values):
@@ -47,3 +55,6 @@ def _torn_vertices(route, values):
     np.minimum.at(low, vertex, corner_values)
     np.maximum.at(high, vertex, corner_values)
     return (high > low).any(axis=1)
+
+
+KIND = Kind("colours", "Color Attributes", "GROUP_VCOL", "Carry painted colors", names, prepare)

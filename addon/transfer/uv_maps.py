@@ -6,6 +6,7 @@ chart.
 import numpy as np
 
 from ..mesh_read import UnusableObjectError
+from .kind import Kind, Prepared
 
 # Two places are on one side of every seam when the chart of each foretells the other's UV with an error of at
 # most a share of their distance (in UV, at the chart's local scale). Across a seam the error is far larger,
@@ -25,27 +26,32 @@ def names(source):
     return [layer.name for layer in source.data.uv_layers]
 
 
-def carry(route, wanted, _settings):
+def prepare(route, wanted, _options):
     source, target = route.source.data, route.target.data
+    room = MOST_UV_MAPS - len(target.uv_layers)
+    if sum(name not in target.uv_layers for name in wanted) > room:
+        raise UnusableObjectError(
+            f"'{route.target.name}' has room for {room} more UV maps only; {MOST_UV_MAPS} are the most there "
+            "can be. Remove one"
+        )
+    carried = {}
     for name in wanted:
         values = np.empty(len(source.loops) * 2, np.float32)
         source.uv_layers[name].uv.foreach_get("vector", values)
-        carried = carry_uv(route, values.reshape(-1, 2).astype(np.float64))
-        layer = target.uv_layers.get(name)
-        if layer is None:
-            layer = target.uv_layers.new(name=name, do_init=False)
-        if layer is None:
-            raise UnusableObjectError(
-                f"'{route.target.name}' has {MOST_UV_MAPS} UV maps already, the most there can be. Remove one"
-            )
-        layer.uv.foreach_set("vector", carried.astype(np.float32).ravel())
+        carried[name] = carry_uv(route, values.reshape(-1, 2).astype(np.float64))
+    return Prepared(lambda: _write(source, target, carried))
+
+
+def _write(source, target, carried):
+    for name, values in carried.items():
+        layer = target.uv_layers.get(name) or target.uv_layers.new(name=name, do_init=False)
+        layer.uv.foreach_set("vector", values.astype(np.float32).ravel())
     active = source.uv_layers.active
-    if active is not None and active.name in wanted:
+    if active is not None and active.name in carried:
         target.uv_layers.active = target.uv_layers[active.name]
     for layer in source.uv_layers:
-        if layer.active_render and layer.name in wanted:
+        if layer.active_render and layer.name in carried:
             target.uv_layers[layer.name].active_render = True
-    return []
 
 
 class Charts:
@@ -144,3 +150,6 @@ def triangle_islands(triangles, uv):
         if np.array_equal(lower, label):
             return label[spot[:, 0]]
         label = lower
+
+
+KIND = Kind("uv", "UV Maps", "GROUP_UVS", "Carry UV maps, cut where the source's seams fall", names, prepare)

@@ -3,20 +3,22 @@
 
 import bmesh
 import numpy as np
+from bpy.props import BoolProperty, FloatProperty, IntProperty
+
+from .kind import Kind, Prepared
 
 
 def names(source):
     return [group.name for group in source.vertex_groups]
 
 
-def carry(route, wanted, settings):
+def prepare(route, wanted, options):
     groups = [route.source.vertex_groups[name].index for name in wanted]
     weights = _carry_weights(route, read_weights(route.source.data), groups)
-    weights = _prune(weights, settings.prune)
-    if settings.limit_total:
-        weights = limit(weights, settings.limit, _deforming(route.source, wanted), settings.normalize)
-    _write_weights(route.target, wanted, weights)
-    return []
+    weights = _prune(weights, options.prune)
+    if options.limit_total:
+        weights = limit(weights, options.limit, _deforming(route.source, wanted), options.normalize)
+    return Prepared(lambda: _write_weights(route.target, wanted, weights))
 
 
 def read_weights(mesh):
@@ -119,3 +121,37 @@ def _write_weights(target, wanted, weights):
         edited.to_mesh(target.data)
     finally:
         edited.free()
+
+
+OPTIONS = {
+    "limit_total": BoolProperty(
+        name="Limit Total", default=False, description="Keep only the strongest weights of each vertex"
+    ),
+    "limit": IntProperty(
+        name="Weights per Vertex", default=4, min=1, soft_max=8, description="Game engines usually take 4"
+    ),
+    "normalize": BoolProperty(
+        name="Normalize",
+        default=True,
+        description="After limiting, scale each vertex's weights back to the sum that came across: 1 if the "
+        "source's weights sum to 1",
+    ),
+    "prune": FloatProperty(
+        name="Prune Below",
+        default=0.001,
+        min=0.0,
+        max=0.5,
+        precision=3,
+        description="Drop weights smaller than this",
+    ),
+}
+
+KIND = Kind(
+    "groups",
+    "Vertex Groups",
+    "GROUP_VERTEX",
+    "Carry vertex groups and their weights",
+    names,
+    prepare,
+    OPTIONS,
+)

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A sort of data that can be carried over, declared once for panels, operators and scripts."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+
+def _nothing():
+    """Write nothing."""
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """Data ready on the other side: `write` puts it onto the target, `notes` need the artist's attention."""
+
+    write: Callable[[], None] = _nothing
+    notes: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Kind:
+    """One sort of data.
+
+    `identifier` names it in scripts and, after `use_` or `open_`, in settings. `names(source)` lists what the
+    source object has of it. `prepare(route, names, options)` reads that, carries it along the route and
+    returns a `Prepared`; it changes nothing and raises `UnusableObjectError` when something is wrong.
+    `options` are its bpy properties by name, in the order in which a panel shows them.
+    """
+
+    identifier: str
+    label: str
+    icon: str
+    description: str
+    names: Callable
+    prepare: Callable
+    options: Mapping = field(default_factory=dict)
+    default: bool = True
