@@ -12,13 +12,14 @@ from .errors import SgmdsError
 VERSION = 1
 
 
-def write(path, kind, **arrays):
+def write(path, kind, *, compressed=True, **arrays):
     """Writes arrays beside `path` and moves them there when complete."""
+    save = np.savez_compressed if compressed else np.savez
     folder, name = os.path.split(os.path.abspath(path))
     handle, temporary = tempfile.mkstemp(prefix=f".{name}.", dir=folder)
     try:
         with os.fdopen(handle, "wb") as file:
-            np.savez_compressed(file, format=kind, version=VERSION, **arrays)
+            save(file, format=kind, version=VERSION, **arrays)
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)

@@ -95,7 +95,10 @@ class Shape:
 
     def save(self, path):
         """Writes a cache file; an existing one is replaced only when the new one is complete."""
-        archive.write(path, FORMAT, vertices=self.vertices, faces=self.faces, **self._core.parts)
+        # Packing would save 4 % of the bytes and take as long as preparing the shape.
+        archive.write(
+            path, FORMAT, compressed=False, vertices=self.vertices, faces=self.faces, **self._core.parts
+        )
 
     @classmethod
     def load(cls, path):
