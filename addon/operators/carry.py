@@ -7,7 +7,7 @@ from bpy.types import Operator
 from .. import core, mesh_write, pair
 from .. import job as job_module
 from ..mesh_read import UnusableObjectError
-from ..transfer import KINDS, TransferOptions, carry_all
+from ..transfer import KINDS, TransferOptions, carry_all, checked
 
 
 class GivenOptions:
@@ -36,7 +36,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Operator):
     )
     items: StringProperty(
         name="Items",
-        description="For scripts: what to carry, an item a line, each as kind/name, for example groups/Hand.L",
+        description="For scripts: what to carry, an item a line, each kind/name, for example groups/Hand.L",
         options={"SKIP_SAVE"},
     )
 
@@ -87,12 +87,9 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Operator):
                 f"There is no kind of data named {', '.join(sorted(unknown))}. There are: {', '.join(known)}"
             )
 
-        def chosen(kind, name):
-            if items or kinds:
-                return kind.identifier in kinds or f"{kind.identifier}/{name}" in items
-            return getattr(settings, f"use_{kind.identifier}") and not settings.skips(kind.identifier, name)
-
-        return chosen
+        if not items and not kinds:
+            return checked(settings)
+        return lambda kind, name: kind.identifier in kinds or f"{kind.identifier}/{name}" in items
 
 
 class SPECTRAL_MATCH_OT_toggle_item(Operator):

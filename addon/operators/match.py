@@ -9,7 +9,7 @@ from .. import core, mesh_read, mesh_write, pair, preferences, stored_match
 from .. import job as job_module
 from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError
-from ..transfer import carry_all
+from ..transfer import carry_all, checked
 from . import show
 
 POLL_SECONDS = 0.05
@@ -189,8 +189,9 @@ class MatchOperator:
         try:
             stored, trouble = store(context, job)
             if self.then_transfer:
+                settings = context.scene.spectral_match
                 for target in stored:
-                    trouble += carry_all(context, target)
+                    trouble += carry_all(target, settings, checked(settings))
         except UnusableObjectError as reason:
             self.report({"ERROR"}, str(reason))
             return {"CANCELLED"}

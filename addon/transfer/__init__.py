@@ -7,7 +7,7 @@ from . import colours, uv_maps, vertex_groups
 from .kind import Kind, Prepared
 from .route import Route
 
-__all__ = ["KINDS", "Kind", "Prepared", "TransferChoice", "TransferOptions", "carry_all"]
+__all__ = ["KINDS", "Kind", "Prepared", "TransferChoice", "TransferOptions", "carry_all", "checked"]
 
 KINDS = (vertex_groups.KIND, uv_maps.KIND, colours.KIND)
 
@@ -39,6 +39,15 @@ TransferChoice = type(
         },
     },
 )
+
+
+def checked(settings):
+    """The choice made in the panel, for `carry_all`."""
+
+    def chosen(kind, name):
+        return getattr(settings, f"use_{kind.identifier}") and not settings.skips(kind.identifier, name)
+
+    return chosen
 
 
 def carry_all(target, options, chosen):
