@@ -18,6 +18,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 ADDON = ROOT / "addon"
+NOTICES = ROOT / "THIRD_PARTY_NOTICES.txt"
 # End of a wheel's platform tag → Blender's name of the platform.
 PLATFORMS = {
     "linux_x86_64": "linux-x64",
@@ -78,11 +79,12 @@ def build(wheel, output_dir):
     version = tomllib.loads(manifest)["version"]
     output_dir.mkdir(parents=True, exist_ok=True)
     target = output_dir / f"spectral_match-{version}-{platform_of(wheel)}.zip"
-    sources = [path for path in sorted(ADDON.rglob("*")) if path.suffix in {".py", ".md", ".txt"}]
+    sources = [path for path in sorted(ADDON.rglob("*")) if path.suffix == ".py" or path.name == "LICENSE"]
     with zipfile.ZipFile(target, "w") as archive:
         _add(archive, "blender_manifest.toml", manifest.encode())
         for path in sources:
             _add(archive, path.relative_to(ADDON).as_posix(), path.read_bytes())
+        _add(archive, NOTICES.name, NOTICES.read_bytes())
         # A wheel is a zip already.
         _add(archive, f"wheels/{wheel.name}", wheel.read_bytes(), zipfile.ZIP_STORED)
     return target

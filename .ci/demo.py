@@ -2,6 +2,7 @@
 """Two characters of different build, pose and topology, matched and dressed in headless Blender."""
 
 import argparse
+import contextlib
 import os
 import sys
 import time
@@ -49,6 +50,7 @@ def main() -> int:
     for obj in (source, target):
         obj.select_set(True)
     bpy.context.view_layer.objects.active = source
+    print("matching …", flush=True)
     started = time.perf_counter()
     bpy.ops.spectral_match.match()
     seconds = time.perf_counter() - started
@@ -69,10 +71,27 @@ def main() -> int:
     print(f"wrote {blend}")
     if options.samples:
         bpy.context.scene.cycles.samples = options.samples
-        bpy.ops.render.render(write_still=True)
+        print("rendering …", flush=True)
+        with _quiet_output():
+            bpy.ops.render.render(write_still=True)
         print(f"wrote {picture}")
     print(f"mean geodesic error x100: {error:.2f} (at most {ERROR_BOUND:g})")
     return 0 if error <= ERROR_BOUND else 1
+
+
+@contextlib.contextmanager
+def _quiet_output():
+    """Nothing on standard output meanwhile: the renderer writes its progress there, past Python."""
+    sys.stdout.flush()
+    kept = os.dup(1)
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    try:
+        os.dup2(nowhere, 1)
+        yield
+    finally:
+        os.dup2(kept, 1)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def _new_object(name, character, x):

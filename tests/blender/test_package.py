@@ -68,6 +68,7 @@ def test_zip_holds_the_addon_and_one_wheel(extension):
     wheels = [name for name in names if name.endswith(".whl")]
     assert len(wheels) == 1 and "abi3" in wheels[0]
     assert not [name for name in names if "__pycache__" in name or "numpy" in name]
+    assert {"LICENSE", "THIRD_PARTY_NOTICES.txt"} <= set(names)
 
 
 def test_zip_works_in_an_empty_user_folder(extension, tmp_path):

@@ -4,6 +4,8 @@ A correspondence gives, for every vertex of the *target*, one point of the *sour
 values are carried from source to target.
 """
 
+from typing import TYPE_CHECKING, Any
+
 from ._core import __version__
 from .correspondence import Correspondence, Quality
 from .errors import ArgumentError, Cancelled, InternalError, MatchError, MeshError, SgmdsError
@@ -26,9 +28,14 @@ __all__ = [
 ]
 
 
-def evaluate(*args, **kwargs):
-    """Accuracy over a folder of shapes with known correspondences; see `sgmds.evaluation.evaluate`."""
-    # Reading files and plotting need more than numpy, so they are imported when asked for.
-    from .evaluation import evaluate as run
+if TYPE_CHECKING:
+    from .evaluation import evaluate
 
-    return run(*args, **kwargs)
+
+def __getattr__(name: str) -> Any:
+    # Reading files and plotting need more than numpy, so they are imported when asked for.
+    if name == "evaluate":
+        from .evaluation import evaluate
+
+        return evaluate
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -4,15 +4,18 @@ import os
 import tempfile
 import zipfile
 import zlib
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from .errors import SgmdsError
 
 VERSION = 1
 
 
-def write(path, kind, *, compressed=True, **arrays):
+def write(path: str | os.PathLike[str], kind: str, *, compressed: bool = True, **arrays: Any) -> None:
     """Writes arrays beside `path` and moves them there when complete."""
     save = np.savez_compressed if compressed else np.savez
     folder, name = os.path.split(os.path.abspath(path))
@@ -28,7 +31,7 @@ def write(path, kind, *, compressed=True, **arrays):
         raise
 
 
-def read(path, kind, names):
+def read(path: str | os.PathLike[str], kind: str, names: Iterable[str]) -> dict[str, NDArray[Any]]:
     """The named arrays of a file that `write` made; anything else is refused.
 
     The archive's checksums notice damage; nothing in the file is executed.

@@ -14,6 +14,7 @@ import sys
 import time
 from collections import defaultdict
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 
@@ -87,7 +88,7 @@ def measure(size: int, runs: int, peers: bool) -> dict:
                 peer(first.vertices, first.faces, shapes[0].mass)
                 times[name].append(time.perf_counter() - started)
     # Peak memory counts the peers too when they ran.
-    record = {
+    record: dict[str, Any] = {
         "vertices": len(second.vertices),
         "runs": runs,
         "peak_mb": _peak_memory() - before,

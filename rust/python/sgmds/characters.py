@@ -54,7 +54,9 @@ def _both_sides(bones: list[Bone]) -> list[Bone]:
         if bone.name.endswith(".L"):
             x, y, z = bone.offset
             u, v, w = bone.direction
-            parent = bone.parent[:-1] + "R" if bone.parent.endswith(".L") else bone.parent
+            parent = bone.parent
+            if parent is not None and parent.endswith(".L"):
+                parent = parent[:-1] + "R"
             result.append(
                 Bone(
                     bone.name[:-1] + "R", parent, bone.along, (-x, y, z), (-u, v, w), bone.length, bone.radii

@@ -1,11 +1,16 @@
 """A dense map from the vertices of a target to points of a source."""
 
+import os
+from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core, archive
 from .errors import ArgumentError, SgmdsError
+from .shape import Floats, Ids
 
 FORMAT = "sgmds-correspondence"
 ARRAYS = ("faces", "barycentric", "vertices", "confidence", "functional_map")
@@ -17,9 +22,9 @@ class Quality:
 
     grade: str
     """"green" (use it), "amber" (look first) or "red" (probably wrong)."""
-    reasons: list
+    reasons: list[str]
     """The reasons in words."""
-    figures: dict = field(default_factory=dict)
+    figures: dict[str, Any] = field(default_factory=dict)
     """The figures behind them."""
 
 
@@ -36,18 +41,27 @@ class Correspondence:
     quality : Quality
     """
 
-    def __init__(self, arrays, quality, raw=None):
+    faces: Ids
+    barycentric: Floats
+    vertices: Ids
+    confidence: Floats
+    functional_map: Floats
+    quality: Quality
+
+    def __init__(
+        self, arrays: Mapping[str, Any], quality: Quality, raw: _core.RawMatch | None = None
+    ) -> None:
         for name in ARRAYS:
             setattr(self, name, arrays[name])
         self._triangles = arrays["triangles"]
         self._source_count = int(arrays["source_count"])
         self.quality = quality
         self._raw = raw
-        self._alternatives = None
+        self._alternatives: list[Self] | None = None
 
     @classmethod
-    def _from_core(cls, raw, triangles, source_count):
-        arrays = {name: getattr(raw, name) for name in ARRAYS}
+    def _from_core(cls, raw: _core.RawMatch, triangles: Ids, source_count: int) -> Self:
+        arrays: dict[str, Any] = {name: getattr(raw, name) for name in ARRAYS}
         figures = raw.quality
         grade = figures.pop("grade", "amber")
         reasons = figures.pop("reasons", ["the published method does not judge its map"])
@@ -55,17 +69,21 @@ class Correspondence:
         return cls(arrays, Quality(grade, reasons, figures), raw)
 
     @property
-    def alternatives(self):
+    def alternatives(self) -> list[Self]:
         """The other plausible maps found, best first; completed when first asked for."""
         if self._alternatives is None:
-            count = self._raw.alternative_count if self._raw is not None else 0
-            self._alternatives = [
-                self._from_core(self._raw.alternative(i), self._triangles, self._source_count)
-                for i in range(count)
-            ]
+            raw = self._raw
+            self._alternatives = (
+                [
+                    self._from_core(raw.alternative(i), self._triangles, self._source_count)
+                    for i in range(raw.alternative_count)
+                ]
+                if raw is not None
+                else []
+            )
         return self._alternatives
 
-    def transfer(self, values):
+    def transfer(self, values: ArrayLike) -> NDArray[np.float64]:
         """Carries (n_source, ...) values to (n_target, ...), linear within source triangles."""
         values = np.asarray(values)
         if values.ndim == 0 or len(values) != self._source_count:
@@ -74,7 +92,7 @@ class Correspondence:
         carried = _core.transfer_values(self.faces, self.barycentric, self._triangles, flat)
         return carried.reshape(len(self.faces), *values.shape[1:])
 
-    def save(self, path):
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Writes an .npz that numpy alone can read."""
         archive.write(
             path,
@@ -87,14 +105,14 @@ class Correspondence:
         )
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: str | os.PathLike[str]) -> Self:
         """Reads what `save` wrote; anything else is refused."""
         arrays = archive.read(path, FORMAT, (*ARRAYS, "triangles", "source_count", "grade", "reasons"))
         found = cls(arrays, Quality(str(arrays["grade"]), [str(r) for r in arrays["reasons"]]))
         found._check(path)
         return found
 
-    def _check(self, path):
+    def _check(self, path: str | os.PathLike[str]) -> None:
         n, m = len(self.faces), len(self._triangles)
         shapes_fit = self.barycentric.shape == (n, 3) and self.vertices.shape == self.confidence.shape == (n,)
         if not shapes_fit or (n and (self.faces.min() < 0 or self.faces.max() >= m)):
@@ -102,7 +120,7 @@ class Correspondence:
         if m and (self._triangles.min() < 0 or self._triangles.max() >= self._source_count):
             raise SgmdsError(f"{path}: damaged, a triangle names a missing vertex: make it again")
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return (
             f"Correspondence({len(self.faces)} target vertices, {self.quality.grade}, "
             f"mean confidence {self.confidence.mean():.2f})"

@@ -27,6 +27,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -213,8 +214,8 @@ class TruthDistances:
         self.vertices, self.faces, self.kind = vertices, faces, kind
         self.scale = np.sqrt(surface_area(vertices, faces))
         self._rows: dict[int, np.ndarray] = {}
-        self._solver = None
-        self._file = None
+        self._solver: Any = None
+        self._file: Path | None = None
         if cache is not None:
             content = hashlib.sha256(kind.encode() + vertices.tobytes() + faces.tobytes()).hexdigest()[:24]
             self._file = Path(cache) / f"{content}.npz"
@@ -439,7 +440,8 @@ class SetResult:
     def curves(self) -> dict[str, np.ndarray]:
         """Share of truth lines within each of `CURVE_THRESHOLDS`: ours, and each saved method's on its
         pairs."""
-        curves = {self.method: [p.errors for p in self.pairs]} | self.saved
+        own = [p.errors for p in self.pairs if p.errors is not None]
+        curves = {self.method: own} | self.saved
         return {name: _curve(np.concatenate(errors)) for name, errors in curves.items() if errors}
 
 
@@ -678,7 +680,9 @@ class _ShapePool:
     def __init__(self, shapes: ShapeSet, pairs, distances: str, cache, prepared: bool):
         self._shapes, self._kind, self._cache, self._prepared = shapes, distances, cache, prepared
         self._uses = Counter(name for pair in pairs for name in pair)
-        self._meshes, self._made, self._distances = {}, {}, {}
+        self._meshes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
+        self._made: dict[str, Any] = {}
+        self._distances: dict[str, TruthDistances] = {}
         self.prepare_seconds: dict[str, float] = {}
 
     def mesh(self, name):
@@ -698,7 +702,8 @@ class _ShapePool:
 
     def distances(self, name) -> TruthDistances:
         if name not in self._distances:
-            self._distances[name] = TruthDistances(*self.mesh(name), self._kind, self._cache)
+            vertices, faces = self.mesh(name)
+            self._distances[name] = TruthDistances(vertices, faces, self._kind, self._cache)
         return self._distances[name]
 
     def done(self, name):

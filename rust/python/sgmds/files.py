@@ -9,6 +9,7 @@ from __future__ import annotations
 import gzip
 import io
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -75,8 +76,8 @@ def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
-    positions = []
-    corners = []
+    positions: list[tuple[float, float, float]] = []
+    corners: list[tuple[int, int, int]] = []
     continued = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     for number, line in enumerate(continued.split(b"\n"), start=1):
         words = line.split()
@@ -102,7 +103,9 @@ def _through_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
     except ImportError as error:
         raise ImportError('reading it needs trimesh: pip install "sgmds[tools]"') from error
 
-    mesh = trimesh.load(io.BytesIO(data), file_type=kind, force="mesh", process=False, maintain_order=True)
+    mesh: Any = trimesh.load(
+        io.BytesIO(data), file_type=kind, force="mesh", process=False, maintain_order=True
+    )
     vertices = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3)
     faces = np.array(getattr(mesh, "faces", ()), dtype=np.int64).reshape(-1, 3)
     if kind == "stl":

@@ -1,25 +1,29 @@
 """Matching of two shapes."""
 
 import operator
+from collections.abc import Iterable
+from typing import Any, Literal
+
+from numpy.typing import ArrayLike
 
 from . import _core
 from .correspondence import Correspondence
 from .errors import ArgumentError
-from .shape import Shape, checked_mesh
+from .shape import Ids, Progress, Shape, checked_mesh
 
 
 def match(
-    source,
-    target,
+    source: Shape | tuple[ArrayLike, ArrayLike],
+    target: Shape | tuple[ArrayLike, ArrayLike],
     *,
-    landmarks=(),
-    method="auto",
-    part=None,
-    mirror="forbid",
-    progress=None,
-    threads=None,
-    seed=0,
-):
+    landmarks: Iterable[tuple[int, int]] = (),
+    method: Literal["auto", "paper"] = "auto",
+    part: Literal["source", "target"] | None = None,
+    mirror: Literal["forbid", "allow"] = "forbid",
+    progress: Progress | None = None,
+    threads: int | None = None,
+    seed: int = 0,
+) -> Correspondence:
     """Dense correspondence from every vertex of `target` to a point of `source`, fully automatic.
 
     Parameters
@@ -66,7 +70,7 @@ def match(
     return Correspondence._from_core(raw, sides[0][1], counts[0])
 
 
-def _side(name, shape):
+def _side(name: str, shape: Any) -> tuple[Any, Ids, Any]:
     """(vertices, faces, what the core takes)"""
     if isinstance(shape, Shape):
         return shape.vertices, shape.faces, shape._core
@@ -78,8 +82,8 @@ def _side(name, shape):
     return *arrays, arrays
 
 
-def _pairs(landmarks, counts):
-    pairs = []
+def _pairs(landmarks: Iterable[Any], counts: list[int]) -> list[tuple[int, int]]:
+    pairs: list[Any] = []
     for entry in landmarks:
         try:
             pair = tuple(operator.index(v) for v in entry)

@@ -1,6 +1,11 @@
 """A surface prepared for matching."""
 
+import os
+from collections.abc import Callable
+from typing import Any, Self
+
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core, archive
 from .errors import ArgumentError, SgmdsError
@@ -9,7 +14,13 @@ FORMAT = "sgmds-shape"
 PARTS = ("values", "functions", "farthest", "fields")
 
 
-def checked_mesh(vertices, faces):
+Floats = NDArray[np.float64]
+Ids = NDArray[np.int64]
+Progress = Callable[[str, float], bool | None]
+"""Called with the stage's name and the fraction done (0…1); returning `False` cancels."""
+
+
+def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, Ids]:
     """Contiguous (n, 3) float64 and (m, 3) int64 arrays, or an error that names the argument."""
     vertices, faces = np.asarray(vertices), np.asarray(faces)
     if vertices.ndim != 2 or vertices.shape[1] != 3:
@@ -48,52 +59,59 @@ class Shape:
     Cancelled
     """
 
-    def __init__(self, vertices, faces, *, progress=None, threads=None):
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        *,
+        progress: Progress | None = None,
+        threads: int | None = None,
+    ) -> None:
         self.vertices, self.faces = checked_mesh(vertices, faces)
         self._core = _core.prepare(self.vertices, self.faces, progress, threads)
-        self._kept = {}
+        self._kept: dict[str, NDArray[Any]] = {}
 
-    def _array(self, name):
+    def _array(self, name: str) -> NDArray[Any]:
         if name not in self._kept:
             self._kept[name] = getattr(self._core, name)
         return self._kept[name]
 
     @property
-    def eigenvalues(self):
+    def eigenvalues(self) -> Floats:
         """(k,) smallest eigenvalues of the Laplace–Beltrami operator, in 1/length²."""
         return self._array("eigenvalues")
 
     @property
-    def eigenfunctions(self):
+    def eigenfunctions(self) -> Floats:
         """(n, k) eigenfunctions, ``Φᵀ A Φ = I`` with ``A = diag(mass)``."""
         return self._array("eigenfunctions")
 
     @property
-    def mass(self):
+    def mass(self) -> Floats:
         """(n,) lumped mixed-Voronoi areas."""
         return self._array("mass")
 
     @property
-    def samples(self):
+    def samples(self) -> Ids:
         """(s,) farthest-point sample vertices from which distances were marched."""
         return self._array("samples")
 
     @property
-    def geodesics(self):
+    def geodesics(self) -> Floats:
         """(s, s) geodesic distances between the samples, in length units."""
         return self._array("geodesics")
 
     @property
-    def distance_operator(self):
+    def distance_operator(self) -> Floats:
         """(q, q) matrix α with ``D ≈ Φ α Φᵀ`` over the first q eigenfunctions."""
         return self._array("distance_operator")
 
     @property
-    def report(self):
+    def report(self) -> dict[str, int]:
         """What was ignored or mended when the mesh was read: a dict of counts."""
         return self._core.report
 
-    def save(self, path):
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Writes a cache file; an existing one is replaced only when the new one is complete."""
         # Packing would save 4 % of the bytes and take as long as preparing the shape.
         archive.write(
@@ -101,7 +119,7 @@ class Shape:
         )
 
     @classmethod
-    def load(cls, path):
+    def load(cls, path: str | os.PathLike[str]) -> Self:
         """Reads what `save` wrote.
 
         Raises
@@ -121,5 +139,5 @@ class Shape:
         shape._kept = {}
         return shape
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"Shape({len(self.vertices)} vertices, {len(self.faces)} faces)"
