@@ -3,8 +3,21 @@
 
 import bpy
 
-from . import command_line, operators, panels, preferences, properties, stored_match
+from . import (
+    command_line,
+    notice,
+    operators,
+    overlay,
+    panels,
+    preferences,
+    prepared,
+    properties,
+    stored_match,
+)
 from . import job as job_module
+from .operators import settings, show
+
+_HANDLERS = (*stored_match.HANDLERS, *overlay.HANDLERS, *notice.HANDLERS, *show.HANDLERS)
 
 
 def register():
@@ -12,16 +25,26 @@ def register():
     preferences.register()
     for cls in (*operators.CLASSES, *panels.CLASSES):
         bpy.utils.register_class(cls)
-    stored_match.register()
+    settings.register()
+    for moment, handler in _HANDLERS:
+        getattr(bpy.app.handlers, moment).append(handler)
+    overlay.register()
     command_line.register()
 
 
 def unregister():
     if job_module.current is not None:
         job_module.current.cancel()
+        job_module.current = None
     command_line.unregister()
-    stored_match.unregister()
+    overlay.unregister()
+    for moment, handler in reversed(_HANDLERS):
+        getattr(bpy.app.handlers, moment).remove(handler)
+    settings.unregister()
     for cls in reversed((*operators.CLASSES, *panels.CLASSES)):
         bpy.utils.unregister_class(cls)
     preferences.unregister()
     properties.unregister()
+    stored_match.forget()
+    prepared.forget()
+    notice.clear()

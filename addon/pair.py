@@ -21,6 +21,13 @@ def resolve(context):
     if settings.pinned:
         return _of(settings.source, [settings.target] if settings.target else [])
     active = context.view_layer.objects.active
+    if active is not None and active.instance_type == "COLLECTION" and active.instance_collection:
+        return Pair(
+            None,
+            [],
+            f"'{active.name}' only shows a collection. Use Object > Apply > Make Instances Real, "
+            "or select the meshes themselves",
+        )
     if active is None or active.type != "MESH":
         return Pair(None, [], "Select the target, then Shift-click the source: two meshes")
     others = [obj for obj in context.view_layer.objects.selected if obj != active and obj.type == "MESH"]
@@ -31,6 +38,11 @@ def resolve(context):
             return _of(active.spectral_match_source, [active])
         return Pair(active, [], f"Add a target: select it first, then Shift-click '{active.name}'")
     return _of(active, others)
+
+
+def matched(context):
+    """The targets that have a match, however old."""
+    return [obj for obj in resolve(context).targets if obj.data.spectral_match.target_fingerprint]
 
 
 def _of(source, targets):

@@ -20,13 +20,13 @@ _RGB_FROM_CONES = np.array(
 )
 # Hue runs over less than a full turn, so that head and feet do not meet in one colour.
 FIRST_HUE, LAST_HUE = np.radians(285.0), np.radians(-15.0)
-DARKEST, LIGHTEST = 0.50, 0.88
-DULLEST, STRONGEST = 0.06, 0.18
+DARKEST, LIGHTEST = 0.54, 0.90
+DULLEST, STRONGEST = 0.07, 0.19
 
 # Certain to doubtful, linear sRGB: deep blue, grey, bright yellow. Lightness rises all the way, and blue to
 # yellow is the axis that red-green blindness leaves intact.
 HEAT_STOPS = np.array(
-    [[0.006, 0.032, 0.15], [0.07, 0.12, 0.25], [0.26, 0.25, 0.24], [0.72, 0.48, 0.10], [1.0, 0.84, 0.20]]
+    [[0.010, 0.055, 0.24], [0.09, 0.15, 0.30], [0.28, 0.27, 0.26], [0.72, 0.48, 0.10], [1.0, 0.84, 0.20]]
 )
 
 
@@ -57,3 +57,27 @@ def heat_colours(confidence):
 
 def _opaque(rgb):
     return np.concatenate([rgb, np.ones((len(rgb), 1))], axis=1).astype(np.float32)
+
+
+# Okabe and Ito's set (2008), apart under every common colour blindness, on dark and light backgrounds; sRGB.
+LANDMARK_COLOURS = (
+    (0.902, 0.624, 0.0),
+    (0.337, 0.706, 0.914),
+    (0.0, 0.620, 0.451),
+    (0.941, 0.894, 0.259),
+    (0.835, 0.369, 0.0),
+    (0.800, 0.475, 0.655),
+)
+# Ends of the lines' scale, sRGB: the heat map's two hues, both bright enough for thin lines.
+SURE_LINE, DOUBTFUL_LINE = np.array([0.337, 0.706, 0.914]), np.array([1.0, 0.86, 0.2])
+
+
+def landmark_colour(number):
+    """Colour of a landmark, sRGB, again from the first after six."""
+    return LANDMARK_COLOURS[number % len(LANDMARK_COLOURS)]
+
+
+def line_colours(confidence):
+    """Confidence in [0, 1] to sRGB colours of lines, (n, 4)."""
+    doubt = 1.0 - np.clip(np.nan_to_num(confidence), 0.0, 1.0)[:, None]
+    return _opaque(SURE_LINE + (DOUBTFUL_LINE - SURE_LINE) * doubt)

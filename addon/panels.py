@@ -1,35 +1,54 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar tab Match: the workflow from top to bottom. Panels only draw."""
 
-from bpy.types import Panel
+import blf
+from bl_ui.utils import PresetPanel
+from bpy.types import Panel, UIList
 
 from . import job as job_module
-from . import pair, stored_match
+from . import landmarks, morph, notice, overlay, pair, stored_match
+from .operators import pick, show
+from .operators.settings import PRESETS
 from .transfer import KINDS
 
 GRADE_ICONS = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
 GRADE_WORDS = {"green": "Good match", "amber": "Check this match", "red": "Poor match"}
-# Letters that fit on a line of the sidebar at its default width and the default font.
-LINE_LETTERS = 34
+# What to do about it, by grade.
+ADVICE = {
+    "green": "Nothing to do, unless you see something wrong",
+    "amber": "Look where Confidence is yellow; compare the other maps",
+    "red": "Try the other maps, then landmarks on hands, feet and head",
+}
+# More results than these are listed a line each.
+MOST_BOXES = 3
+# Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
+PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 48, 12, 20
+BIG = 1.6
 
 
-def wrapped(text, letters=LINE_LETTERS):
-    """Split words into lines, because labels do not wrap."""
+def wrapped(text, fits):
+    """Split words into lines of which `fits(line)` holds, because labels do not wrap."""
     lines, line = [], ""
     for word in text.split():
-        if line and len(line) + 1 + len(word) > letters:
+        longer = f"{line} {word}".strip()
+        if line and not fits(longer):
             lines.append(line)
             line = word
         else:
-            line = f"{line} {word}".strip()
+            line = longer
     return [*lines, line] if line else lines
 
 
-def draw_words(layout, text, icon="NONE"):
-    """Several lines of text, the icon before the first."""
+def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False):
+    """Several lines of text that fit into the sidebar, the icon before the first."""
+    scale = context.preferences.system.ui_scale
+    margin = PANEL_MARGIN + boxed * BOX_MARGIN + (icon != "NONE") * ICON_WIDTH
+    room = context.region.width - margin * scale
+    blf.size(0, context.preferences.ui_styles[0].widget.points * scale)
     column = layout.column(align=True)
     column.scale_y = 0.8
-    for number, line in enumerate(wrapped(text)):
+    column.active = not dim
+    for number, line in enumerate(wrapped(text, lambda line: blf.dimensions(0, line)[0] <= room)):
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
 
 
@@ -39,8 +58,26 @@ class MatchTab:
     bl_category = "Match"
 
 
+class VIEW3D_PT_spectral_match_presets(PresetPanel, Panel):
+    bl_label = "Match Presets"
+    bl_space_type = "VIEW_3D"
+    # As a panel of the sidebar it would get a tab of its own.
+    bl_region_type = "HEADER"
+    preset_subdir = PRESETS
+    preset_operator = "script.execute_preset"
+    preset_add_operator = "spectral_match.add_preset"
+
+    def draw(self, context):
+        super().draw(context)
+        self.layout.separator()
+        self.layout.operator("spectral_match.reset", icon="LOOP_BACK")
+
+
 class VIEW3D_PT_spectral_match(MatchTab, Panel):
     bl_label = "Spectral Match"
+
+    def draw_header_preset(self, _context):
+        VIEW3D_PT_spectral_match_presets.draw_panel_header(self.layout)
 
     def draw(self, context):
         layout = self.layout
@@ -49,22 +86,21 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         self._draw_pair(layout, settings, found)
         job = job_module.current
         if job is None:
-            row = layout.row()
-            row.scale_y = 1.6
-            row.operator("spectral_match.match", icon="MOD_DATA_TRANSFER")
+            self._draw_button(layout, settings, found)
         else:
-            column = layout.column(align=True)
-            column.progress(factor=job.fraction, text="Stopping" if job.cancelling else f"{job.fraction:.0%}")
-            stage = column.row()
-            stage.active = False
-            stage.label(text=job.stage[:1].upper() + job.stage[1:])
-            row = layout.row()
-            row.scale_y = 1.6
-            row.operator("spectral_match.cancel", icon="X")
-        if found.missing:
-            draw_words(layout.box(), found.missing, "INFO")
+            self._draw_progress(layout, job)
+        if notice.words:
+            box = layout.box()
+            row = box.row()
+            words = row.column()
+            for line in notice.words.splitlines():
+                draw_words(context, words, line, "ERROR", boxed=True)
+            row.operator("spectral_match.dismiss", text="", icon="X", emboss=False)
+        elif found.missing:
+            draw_words(context, layout.box(), found.missing, "INFO", boxed=True)
 
-    def _draw_pair(self, layout, settings, found):
+    @staticmethod
+    def _draw_pair(layout, settings, found):
         row = layout.row(align=False)
         column = row.column(align=True)
         if settings.pinned:
@@ -72,8 +108,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             column.prop(settings, "target", text="")
         else:
             for label, names in (("From", [found.source] if found.source else []), ("To", found.targets)):
-                line = column.box().row()
-                split = line.split(factor=0.2)
+                split = column.box().row().split(factor=0.2)
                 caption = split.row()
                 caption.active = False
                 caption.label(text=label)
@@ -84,8 +119,38 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
                 else:
                     split.label(text="Nothing chosen")
         buttons = row.column(align=True)
+        buttons.scale_y = 1.0 if settings.pinned else 1.4
         buttons.operator("spectral_match.pin", text="", icon="PINNED" if settings.pinned else "UNPINNED")
-        buttons.operator("spectral_match.swap_roles", text="", icon="ARROW_LEFTRIGHT")
+        buttons.operator("spectral_match.swap_roles", text="", icon="UV_SYNC_SELECT")
+
+    @staticmethod
+    def _draw_button(layout, settings, found):
+        row = layout.row()
+        row.scale_y = BIG
+        row.operator("spectral_match.match", icon="MOD_DATA_TRANSFER")
+        if found.missing:
+            return
+        count = sum(len(landmarks.of_pair(settings, found.source, target)) for target in found.targets)
+        if count:
+            hint = layout.row()
+            hint.active = False
+            hint.label(text=f"With {count} landmark{'s' if count > 1 else ''}", icon="EMPTY_AXIS")
+
+    @staticmethod
+    def _draw_progress(layout, job):
+        column = layout.column(align=True)
+        bar = column.row()
+        bar.scale_y = 1.2
+        bar.progress(factor=job.fraction, text="Stopping" if job.cancelling else f"{job.fraction:.0%}")
+        stage = column.row()
+        stage.active = False
+        stage.label(text=job.stage[:1].upper() + job.stage[1:])
+        time = stage.row()
+        time.alignment = "RIGHT"
+        time.label(text=f"{job.seconds:.0f} s")
+        row = layout.row()
+        row.scale_y = BIG
+        row.operator("spectral_match.cancel", icon="X")
 
 
 class SubPanel(MatchTab):
@@ -93,17 +158,11 @@ class SubPanel(MatchTab):
 
 
 class MatchedSubPanel(SubPanel):
-    """Drawn only where the first target has a match."""
+    """Drawn only where a target has a match."""
 
     @classmethod
     def poll(cls, context):
-        targets = pair.resolve(context).targets
-        return any(target.data.spectral_match.target_fingerprint for target in targets)
-
-    @staticmethod
-    def matched(context):
-        targets = pair.resolve(context).targets
-        return [target for target in targets if target.data.spectral_match.target_fingerprint]
+        return bool(pair.matched(context))
 
 
 class VIEW3D_PT_spectral_match_options(SubPanel, Panel):
@@ -117,7 +176,6 @@ class VIEW3D_PT_spectral_match_options(SubPanel, Panel):
         layout.use_property_decorate = False
         settings = context.scene.spectral_match
         layout.prop(settings, "shape")
-        layout.prop(settings, "method")
         layout.prop(settings, "part")
         layout.prop(settings, "allow_mirror")
 
@@ -128,33 +186,108 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
 
     def draw(self, context):
         layout = self.layout
-        targets = self.matched(context)
-        for target in targets:
-            stored = target.data.spectral_match
-            now = stored_match.state(target)
-            box = layout.box()
-            if len(targets) > 1:
-                box.label(text=target.name, icon="OUTLINER_OB_MESH")
-            if not now.usable:
-                draw_words(box, now.words, "ERROR")
-                continue
-            box.label(
-                text=GRADE_WORDS.get(stored.grade, stored.grade),
-                icon=GRADE_ICONS.get(stored.grade, "QUESTION"),
-            )
-            box.progress(factor=stored.mean_confidence, text=f"Confidence {stored.mean_confidence:.0%}")
-            for reason in stored.reasons.splitlines():
-                draw_words(box, reason, "DOT")
-            facts = box.row()
-            facts.active = False
-            facts.label(text=f"{stored.seconds:.1f} s", icon="TIME")
-            if now.words:
-                draw_words(box, now.words, "INFO")
-        layout.label(text="Show")
+        matched = pair.matched(context)
+        column = layout.column(align=True)
+        for target in matched:
+            if len(matched) > MOST_BOXES:
+                self._draw_line(column, target)
+            else:
+                self._draw_box(context, layout, target, named=len(matched) > 1)
+        self._draw_show(context, layout, matched)
+
+    @staticmethod
+    def _draw_line(column, target):
+        stored = target.data.spectral_match
+        usable = stored_match.state(target).usable
+        row = column.row()
+        row.alert = not usable or stored.grade == "red"
+        row.label(text=target.name, icon=GRADE_ICONS.get(stored.grade, "QUESTION") if usable else "ERROR")
+        share = row.row()
+        share.alignment = "RIGHT"
+        share.label(text=f"{stored.mean_confidence:.0%}" if usable else "match again")
+
+    @staticmethod
+    def _draw_box(context, layout, target, *, named):
+        stored = target.data.spectral_match
+        now = stored_match.state(target)
+        box = layout.box().column()
+        if named:
+            box.label(text=target.name, icon="OUTLINER_OB_MESH")
+        if not now.usable:
+            draw_words(context, box, now.words, "ERROR", boxed=True)
+            return
+        head = box.row()
+        head.alert = stored.grade == "red"
+        head.label(
+            text=GRADE_WORDS.get(stored.grade, stored.grade), icon=GRADE_ICONS.get(stored.grade, "QUESTION")
+        )
+        time = head.row()
+        time.alignment = "RIGHT"
+        time.active = False
+        time.label(text=f"{stored.seconds:.1f} s")
+        box.progress(factor=stored.mean_confidence, text=f"Mean Confidence {stored.mean_confidence:.0%}")
+        for reason in stored.reasons.splitlines():
+            draw_words(context, box, reason[:1].upper() + reason[1:], "DOT", boxed=True)
+        if now.words:
+            draw_words(context, box, now.words, "INFO", boxed=True)
+
+    @staticmethod
+    def _draw_show(context, layout, matched):
+        column = layout.column(align=True)
+        row = column.row(align=True)
+        now = show.shown(context, matched[0])
+        for what, text in (("COLOURS", "Colors"), ("CONFIDENCE", "Confidence"), ("NOTHING", "Off")):
+            row.operator("spectral_match.show", text=text, depress=now == what).what = what
+        row = column.row(align=True)
+        row.operator("spectral_match.lines", icon="CURVE_PATH", depress=overlay.lines_shown())
+        modifier = morph.modifier_of(matched[0])
+        row.operator("spectral_match.morph", icon="MOD_SIMPLEDEFORM", depress=modifier is not None)
+        if now == "CONFIDENCE" or overlay.lines_shown():
+            draw_words(context, layout, "Blue is sure, yellow is doubtful", dim=True)
+        if modifier is not None and modifier.node_group is not None:
+            morphing = layout.column(align=True)
+            for target in matched:
+                found = morph.modifier_of(target)
+                if found is not None and found.node_group is not None:
+                    text = "Morph" if len(matched) == 1 else target.name
+                    morphing.prop(found, f'["{morph.input_of(found, morph.FACTOR)}"]', text=text, slider=True)
+            if len(matched) == 1:
+                morphing.prop(modifier, f'["{morph.input_of(modifier, morph.IN_PLACE)}"]', text="In Place")
+
+
+class VIEW3D_UL_spectral_match_landmarks(UIList):
+    """The landmarks of the chosen pair."""
+
+    def draw_item(self, context, layout, data, item, _icon, _active_data, _active_name, index=0, _flag=0):
+        found = pair.resolve(context)
         row = layout.row(align=True)
-        row.operator("spectral_match.show", text="Colors").what = "COLOURS"
-        row.operator("spectral_match.show", text="Confidence").what = "CONFIDENCE"
-        row.operator("spectral_match.show", text="Off").what = "NOTHING"
+        number = row.row()
+        number.alignment = "LEFT"
+        number.active = False
+        number.label(text=str(index + 1))
+        row.prop(item, "name", text="", emboss=False)
+        for target in found.targets:
+            ends = landmarks.ends(item, found.source, target)
+            if ends is None:
+                continue
+            if landmarks.outdated(ends, found.source, target) is not None:
+                row.label(text="outdated", icon="ERROR")
+                return
+            where = row.row()
+            where.alignment = "RIGHT"
+            where.active = False
+            where.label(text=f"{ends.source_vertex} → {ends.target_vertex}")
+
+    def filter_items(self, context, data, name):
+        found = pair.resolve(context)
+        items = getattr(data, name)
+        shown = [
+            self.bitflag_filter_item
+            if any(landmarks.ends(item, found.source, target) for target in found.targets)
+            else 0
+            for item in items
+        ]
+        return shown, []
 
 
 class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
@@ -164,7 +297,9 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
 
     def draw(self, context):
         layout = self.layout
-        stored = self.matched(context)[0].data.spectral_match
+        settings = context.scene.spectral_match
+        stored = pair.matched(context)[0].data.spectral_match
+        draw_words(context, layout, ADVICE.get(stored.grade, ADVICE["amber"]), "INFO")
         column = layout.column(align=True)
         row = column.row(align=True)
         row.operator("spectral_match.alternative", text="", icon="TRIA_LEFT").step = -1
@@ -172,6 +307,40 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         row.operator("spectral_match.alternative", text=word).step = 1
         row.operator("spectral_match.alternative", text="", icon="TRIA_RIGHT").step = 1
         column.operator("spectral_match.swap_sides", icon="MOD_MIRROR", depress=stored.swapped_sides)
+        part = layout.column()
+        part.use_property_split = True
+        part.use_property_decorate = False
+        part.prop(settings, "part")
+        self._draw_landmarks(context, layout, settings)
+        row = layout.row()
+        row.scale_y = BIG
+        row.operator("spectral_match.match", text="Match Again", icon="FILE_REFRESH")
+
+    @staticmethod
+    def _draw_landmarks(context, layout, settings):
+        column = layout.column(align=True)
+        if overlay.picking is not None:
+            draw_words(context, column.box(), pick.hint(context), "RESTRICT_SELECT_OFF", boxed=True)
+        else:
+            column.operator("spectral_match.pick_landmarks", icon="RESTRICT_SELECT_OFF")
+        found = pair.resolve(context)
+        if not any(landmarks.of_pair(settings, found.source, target) for target in found.targets):
+            return
+        row = column.row()
+        row.template_list(
+            "VIEW3D_UL_spectral_match_landmarks",
+            "",
+            settings,
+            "landmarks",
+            settings,
+            "landmark_index",
+            rows=3,
+        )
+        buttons = row.column(align=True)
+        buttons.operator("spectral_match.remove_landmark", text="", icon="REMOVE")
+        go = column.row(align=True)
+        go.operator("spectral_match.go_to_landmark", text="Source", icon="VIEWZOOM").end = "SOURCE"
+        go.operator("spectral_match.go_to_landmark", text="Target", icon="VIEWZOOM").end = "TARGET"
 
 
 class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
@@ -181,7 +350,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
     def draw(self, context):
         layout = self.layout
         settings = context.scene.spectral_match
-        source = self.matched(context)[0].spectral_match_source
+        source = pair.matched(context)[0].spectral_match_source
         if not pair.is_there(source):
             layout.label(text="The source is gone", icon="ERROR")
             return
@@ -189,7 +358,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         for kind in KINDS:
             self._draw_kind(column, settings, kind, kind.names(source))
         row = layout.row()
-        row.scale_y = 1.6
+        row.scale_y = BIG
         row.operator("spectral_match.transfer", icon="IMPORT")
 
     @staticmethod
@@ -222,27 +391,13 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
                 emboss=False,
             )
             button.item = f"{kind.identifier}/{name}"
-
-
-class VIEW3D_PT_spectral_match_mix(MatchTab, Panel):
-    bl_label = "Weights"
-    bl_parent_id = "VIEW3D_PT_spectral_match_transfer"
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        settings = context.scene.spectral_match
-        row = layout.row(heading="Limit Total")
-        row.prop(settings, "limit_total", text="")
-        value = row.row()
-        value.active = settings.limit_total
-        value.prop(settings, "limit", text="")
-        line = layout.row()
-        line.active = settings.limit_total
-        line.prop(settings, "normalize")
-        layout.prop(settings, "prune")
+        if kind.options:
+            options = box.column()
+            options.use_property_split = True
+            options.use_property_decorate = False
+            options.active = getattr(settings, use)
+            for name in kind.options:
+                options.prop(settings, name)
 
 
 class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
@@ -254,18 +409,20 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
         layout = self.layout
         count = len(pair.resolve(context).targets)
         if count > 1:
-            draw_words(layout, f"Match and transfer the checked data to all {count} selected targets")
+            words = f"Match and transfer the checked data to all {count} selected targets"
         else:
-            draw_words(layout, "Select several targets to match and transfer to all of them at once")
+            words = "Select several targets to match and transfer to all of them at once"
+        draw_words(context, layout, words)
         layout.operator("spectral_match.batch", icon="DUPLICATE")
 
 
 CLASSES = (
+    VIEW3D_UL_spectral_match_landmarks,
+    VIEW3D_PT_spectral_match_presets,
     VIEW3D_PT_spectral_match,
     VIEW3D_PT_spectral_match_options,
     VIEW3D_PT_spectral_match_result,
     VIEW3D_PT_spectral_match_fix,
     VIEW3D_PT_spectral_match_transfer,
-    VIEW3D_PT_spectral_match_mix,
     VIEW3D_PT_spectral_match_batch,
 )

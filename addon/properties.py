@@ -23,6 +23,7 @@ def _is_mesh(_settings, obj):
 class SPECTRAL_MATCH_PG_stored_match(PropertyGroup):
     """On a target mesh, beside the `match_*` attributes: where the match came from and how good it is."""
 
+    identifier: StringProperty(description="Other than that of every other match")
     source_name: StringProperty()
     source_fingerprint: StringProperty()
     target_fingerprint: StringProperty()
@@ -42,6 +43,8 @@ class SPECTRAL_MATCH_PG_landmark(PropertyGroup):
     target: PointerProperty(type=Object)
     source_vertex: IntProperty(min=0)
     target_vertex: IntProperty(min=0)
+    source_topology: StringProperty(description="Numbering of the source when its vertex was picked")
+    target_topology: StringProperty(description="Numbering of the target when its vertex was picked")
 
 
 class SPECTRAL_MATCH_PG_skipped(PropertyGroup):
@@ -78,15 +81,6 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
         ),
         default="ORIGINAL",
         description="Which form of the meshes is compared",
-    )
-    method: EnumProperty(
-        name="Method",
-        items=(
-            ("auto", "Best", "Search for the best map and refine it"),
-            ("paper", "Published", "The published algorithm and nothing else: for comparison, less exact"),
-        ),
-        default="auto",
-        description="How the map is computed",
     )
     part: EnumProperty(
         name="Parts",

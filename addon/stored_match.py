@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The match that a target mesh carries: is it still true, and which other maps were found in this session."""
 
+import uuid
+from collections import OrderedDict
 from dataclasses import dataclass
 
 import bpy
@@ -28,19 +30,35 @@ class State:
         return self.code in (MATCHED, MOVED)
 
 
-@dataclass
+@dataclass(frozen=True)
 class SessionMaps:
-    """All maps found for one target mesh, best first; kept in memory until another file is opened."""
+    """A match with both surfaces as they were; `best` completes the alternatives on demand."""
 
     source: object
     target: object
-    maps: list
+    best: object
 
 
-# By the target mesh's session id.
-maps_of_mesh: dict[int, SessionMaps] = {}
+# They hold both prepared shapes, 2 kB a vertex each, so only the newest are kept. The last one always is.
+MOST_KEPT_VERTICES = 200_000
+
+# By the identifier that the target mesh has of its match, oldest first: undo leads back to an older match.
+_maps: OrderedDict[str, SessionMaps] = OrderedDict()
 # Fingerprints by mesh session id, dropped when the dependency graph says that the mesh changed.
 _fingerprints: dict[int, Fingerprint] = {}
+
+
+def keep_maps(mesh, maps):
+    """Remember all maps found for this target mesh until another file is opened."""
+    identifier = mesh.spectral_match.identifier = uuid.uuid4().hex
+    _maps[identifier] = maps
+    while len(_maps) > 1 and sum(len(kept.target.local) for kept in _maps.values()) > MOST_KEPT_VERTICES:
+        _maps.popitem(last=False)
+
+
+def maps_of(mesh):
+    """All maps found with the match that this target mesh has, or None."""
+    return _maps.get(mesh.spectral_match.identifier)
 
 
 def forget_fingerprint(mesh):
@@ -109,27 +127,19 @@ def _forget_undone(_scene, _unused=None):
     _fingerprints.clear()
 
 
-@persistent
-def _forget_file(_path, _unused=None):
-    maps_of_mesh.clear()
+def forget():
+    _maps.clear()
     _fingerprints.clear()
 
 
-_HANDLERS = (
+@persistent
+def _forget_file(_path, _unused=None):
+    forget()
+
+
+HANDLERS = (
     ("depsgraph_update_post", _forget_changed),
     ("undo_post", _forget_undone),
     ("redo_post", _forget_undone),
     ("load_pre", _forget_file),
 )
-
-
-def register():
-    for moment, handler in _HANDLERS:
-        getattr(bpy.app.handlers, moment).append(handler)
-
-
-def unregister():
-    for moment, handler in reversed(_HANDLERS):
-        getattr(bpy.app.handlers, moment).remove(handler)
-    maps_of_mesh.clear()
-    _fingerprints.clear()

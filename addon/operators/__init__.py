@@ -1,6 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators, a file for each step of the workflow."""
 
-from . import carry, fix, match, show
+from . import carry, fix, match, pick, settings, show
 
-CLASSES = (*match.CLASSES, *fix.CLASSES, *carry.CLASSES, *show.CLASSES)
+CLASSES = (
+    *match.CLASSES,
+    *fix.CLASSES,
+    *pick.CLASSES,
+    *carry.CLASSES,
+    *show.CLASSES,
+    *settings.CLASSES,
+)

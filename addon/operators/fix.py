@@ -4,27 +4,28 @@
 from bpy.props import IntProperty
 from bpy.types import Operator
 
-from .. import mesh_read, mesh_write, pair, stored_match
+from .. import job as job_module
+from .. import mesh_write, pair, preferences, stored_match
+from ..job import AlternativeJob
 from ..mesh_read import UnusableObjectError
-from .match import MatchOperator
+from .match import JobOperator, MatchOperator, find_unchanged
+from .step import NOT_MATCHED, RUNNING, Step
 
 
-class SPECTRAL_MATCH_OT_swap_roles(Operator):
+class SPECTRAL_MATCH_OT_swap_roles(Step, Operator):
     """Exchange source and target: the other mesh gives the data"""
 
     bl_idname = "spectral_match.swap_roles"
     bl_label = "Swap Source and Target"
     bl_options = {"UNDO"}
 
-    @classmethod
-    def poll(cls, context):
+    @staticmethod
+    def obstacle(context):
         found = pair.resolve(context)
-        if found.source is None or len(found.targets) != 1:
-            cls.poll_message_set("Needs one source and one target")
-            return False
-        return True
+        chosen = found.source is not None and len(found.targets) == 1
+        return "" if chosen else "Needs one source and one target"
 
-    def execute(self, context):
+    def act(self, context):
         settings = context.scene.spectral_match
         found = pair.resolve(context)
         if settings.pinned:
@@ -32,24 +33,22 @@ class SPECTRAL_MATCH_OT_swap_roles(Operator):
             return {"FINISHED"}
         for obj in (found.source, found.targets[0]):
             if obj.name not in context.view_layer.objects:
-                self.report(
-                    {"ERROR"},
-                    f"'{obj.name}' is not in this view layer. Pin both objects to choose them by name",
+                raise UnusableObjectError(
+                    f"'{obj.name}' is not in this view layer. Pin both objects to choose them by name"
                 )
-                return {"CANCELLED"}
             obj.select_set(True)
         context.view_layer.objects.active = found.targets[0]
         return {"FINISHED"}
 
 
-class SPECTRAL_MATCH_OT_pin(Operator):
+class SPECTRAL_MATCH_OT_pin(Step, Operator):
     """Keep this source and this target whatever is selected, or let the selection decide again"""
 
     bl_idname = "spectral_match.pin"
     bl_label = "Pin Source and Target"
     bl_options = {"UNDO", "INTERNAL"}
 
-    def execute(self, context):
+    def act(self, context):
         settings = context.scene.spectral_match
         if not settings.pinned:
             found = pair.resolve(context)
@@ -59,7 +58,7 @@ class SPECTRAL_MATCH_OT_pin(Operator):
         return {"FINISHED"}
 
 
-class SPECTRAL_MATCH_OT_alternative(Operator):
+class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
     """Take the next of the maps that the match found. Useful when limbs, or front and back, are exchanged"""
 
     bl_idname = "spectral_match.alternative"
@@ -68,39 +67,42 @@ class SPECTRAL_MATCH_OT_alternative(Operator):
 
     step: IntProperty(name="Step", default=1, description="1 for the next map, -1 for the previous one")
 
-    @classmethod
-    def poll(cls, context):
-        found = pair.resolve(context)
-        if len(found.targets) != 1:
-            cls.poll_message_set("Choose one matched target")
-            return False
-        known = stored_match.maps_of_mesh.get(found.targets[0].data.session_uid)
-        if known is None:
-            cls.poll_message_set("Alternatives are not saved with the file. Match again to find them")
-            return False
-        if len(known.maps) < 2:
-            cls.poll_message_set("The match found no other plausible map. Add landmarks to steer it")
-            return False
-        return True
+    @staticmethod
+    def obstacle(context):
+        if job_module.current is not None:
+            return RUNNING
+        matched = pair.matched(context)
+        if len(matched) != 1:
+            return "Choose one matched target" if matched else NOT_MATCHED
+        maps = stored_match.maps_of(matched[0].data)
+        if maps is None:
+            return "Other maps are not kept with the file. Match again to find them"
+        if maps.best.alternative_count == 0:
+            return "The match found no other plausible map. Add landmarks to steer it"
+        return ""
 
-    def execute(self, context):
-        target = pair.resolve(context).targets[0]
-        known = stored_match.maps_of_mesh[target.data.session_uid]
-        try:
-            stored = stored_match.require(target)
-            source = target.spectral_match_source
-            if mesh_read.fingerprint(source.data) != known.source.fingerprint:
-                raise UnusableObjectError(f"'{source.name}' was changed since the match. Match again")
-            if mesh_read.fingerprint(target.data) != known.target.fingerprint:
-                raise UnusableObjectError(f"'{target.name}' was changed since the match. Match again")
-            chosen = (stored.alternative + self.step) % len(known.maps)
-            with mesh_write.object_mode(context, [source, target]):
-                mesh_write.write_match(source, target, known.source, known.target, known.maps[chosen])
-        except UnusableObjectError as reason:
-            self.report({"ERROR"}, str(reason))
+    def begin(self, context):
+        target = pair.matched(context)[0]
+        stored = stored_match.require(target)
+        maps = stored_match.maps_of(target.data)
+        number = (stored.alternative + self.step) % (1 + maps.best.alternative_count)
+        threads = preferences.of(context).threads or None
+        # Nothing has to be read, so this generator has no steps.
+        yield from ()
+        return AlternativeJob(maps, number, threads)
+
+    def conclude(self, context, job):
+        if job.cancelled:
+            self.report({"INFO"}, "Cancelled; the map is the same as before")
             return {"CANCELLED"}
-        target.data.spectral_match.alternative = chosen
-        self.report({"INFO"}, f"Map {chosen + 1} of {len(known.maps)}, grade {stored.grade}")
+        maps = job.maps
+        source, target = find_unchanged(maps.source), find_unchanged(maps.target)
+        with mesh_write.object_mode(context, [source, target]):
+            mesh_write.write_match(source, target, maps.source, maps.target, job.found)
+        stored_match.forget_fingerprint(target.data)
+        stored = target.data.spectral_match
+        stored.alternative = job.number
+        self.report({"INFO"}, f"Map {job.number + 1} of {stored.alternatives}, grade {stored.grade}")
         return {"FINISHED"}
 
 

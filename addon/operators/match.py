@@ -1,77 +1,83 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Match: start the job, watch it, write what it found."""
+"""Match: read the objects, have the job run beside the window, write what it found."""
 
 import bpy
 from bpy.props import BoolProperty
 from bpy.types import Operator
 
-from .. import core, mesh_read, mesh_write, pair, preferences, stored_match
+from .. import core, landmarks, mesh_read, mesh_write, notice, pair, preferences, stored_match
 from .. import job as job_module
-from ..job import MatchJob, MatchOptions
+from ..job import Job, MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError
 from ..transfer import carry_all, checked
 from . import show
+from .step import Step, needs_pair, nothing
 
 POLL_SECONDS = 0.05
 
 
-def refresh_panels(context):
-    """Have every viewport and sidebar drawn again."""
+def redraw_sidebars(context):
+    """Have the sidebars drawn again, and the viewports left alone."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
             if area.type == "VIEW_3D":
-                area.tag_redraw()
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
 
 
-def make_job(context, source, targets, *, swap_sides=False):
-    """Read the objects and return the job, not yet begun; raises `UnusableObjectError`."""
+def reading(context, source, targets, *, swap_sides=False):
+    """Read one object a step, so that the window lives on between them; the generator's value is the job."""
     settings = context.scene.spectral_match
     evaluated = settings.shape == "EVALUATED"
     source_surface = mesh_read.read_surface(context, source, evaluated=evaluated)
-    surfaces, seen = [], {source_surface.mesh_uid}
+    yield
+    surfaces, pairs, seen = [], {}, {source_surface.mesh_uid}
     for target in targets:
-        if target.data.session_uid in seen:
-            continue
-        seen.add(target.data.session_uid)
-        surfaces.append(mesh_read.read_surface(context, target, evaluated=evaluated, as_target=True))
+        pairs.setdefault(target.session_uid, landmarks.vertex_pairs(settings, source, target))
+        if target.data.session_uid not in seen:
+            seen.add(target.data.session_uid)
+            surfaces.append(mesh_read.read_surface(context, target, evaluated=evaluated, as_target=True))
+            yield
+    wish = preferences.of(context)
     options = MatchOptions(
-        method=settings.method,
+        method=wish.method,
         part={"AUTO": None, "SOURCE": "source", "TARGET": "target"}[settings.part],
         mirror="allow" if settings.allow_mirror else "forbid",
-        threads=preferences.of(context).threads or None,
+        threads=wish.threads or None,
         swap_sides=swap_sides,
+        storage=preferences.storage(context),
     )
-    landmarks = {
-        target.session_uid: [
-            (pin.source_vertex, pin.target_vertex)
-            for pin in settings.landmarks
-            if pin.source == source and pin.target == target
-        ]
-        for target in targets
-    }
-    return MatchJob(source_surface, surfaces, options, landmarks)
+    return MatchJob(source_surface, surfaces, options, pairs)
+
+
+def value_of(generator):
+    """Go through a generator to its end at once and return its value."""
+    while True:
+        try:
+            next(generator)
+        except StopIteration as end:
+            return end.value
 
 
 def store(context, job):
     """Write a finished job's maps to its targets; returns them and words on those that could not."""
-    source = mesh_read.find_object(bpy.data.objects, job.source.object_uid)
-    _check_unchanged(source, job.source)
-    stored, trouble = [], []
+    source = find_unchanged(job.source)
+    stored, trouble = [], [failure_words(failed) for failed in job.failures]
     for matched in job.results:
-        target = mesh_read.find_object(bpy.data.objects, matched.target.object_uid)
         try:
-            _check_unchanged(target, matched.target)
+            target = find_unchanged(matched.target)
             with mesh_write.object_mode(context, [source, target]):
-                mesh_write.write_match(source, target, job.source, matched.target, matched.maps[0])
+                mesh_write.write_match(source, target, job.source, matched.target, matched.found)
         except UnusableObjectError as reason:
             trouble.append(str(reason))
             continue
         note = target.data.spectral_match
         note.seconds = matched.seconds
-        note.alternative, note.alternatives = 0, len(matched.maps)
+        note.alternative, note.alternatives = 0, 1 + matched.found.alternative_count
         note.swapped_sides = job.options.swap_sides
-        stored_match.maps_of_mesh[target.data.session_uid] = stored_match.SessionMaps(
-            job.source, matched.target, matched.maps
+        stored_match.keep_maps(
+            target.data, stored_match.SessionMaps(job.source, matched.target, matched.found)
         )
         stored_match.forget_fingerprint(source.data)
         stored_match.forget_fingerprint(target.data)
@@ -79,63 +85,54 @@ def store(context, job):
     return stored, trouble
 
 
-def _check_unchanged(obj, surface):
+def failure_words(failed):
+    return f"'{failed.target.name}' was not matched: {core.explain(failed.error)}"
+
+
+def find_unchanged(surface):
+    """The object that a surface was read from; raises `UnusableObjectError` when it is another one now."""
+    obj = mesh_read.find_object(bpy.data.objects, surface.object_uid)
     if not pair.is_there(obj):
         raise UnusableObjectError(
             f"'{surface.name}' was deleted while the match was running. Undo, or match again"
         )
     if obj.type != "MESH" or obj.data.session_uid != surface.mesh_uid:
-        raise UnusableObjectError(f"'{obj.name}' got another mesh while the match was running. Match again")
+        raise UnusableObjectError(f"'{obj.name}' got another mesh since it was read. Match again")
     if obj.mode == "EDIT":
         obj.update_from_editmode()
     if mesh_read.fingerprint(obj.data) != surface.fingerprint:
-        raise UnusableObjectError(f"'{obj.name}' was edited while the match was running. Match again")
+        raise UnusableObjectError(f"'{obj.name}' was edited since it was read. Match again")
+    return obj
 
 
-class MatchOperator:
-    """What the operators that start a job share; a subclass says which objects in `objects`."""
+class JobOperator(Step):
+    """An operator whose work runs beside the window; called from a script it blocks.
 
-    then_transfer = False
-    _timer = None
-    _job = None
+    `begin` is a generator that reads in short steps and returns the job; `conclude` writes what it found.
+    """
 
-    @classmethod
-    def poll(cls, context):
-        if job_module.current is not None:
-            cls.poll_message_set("A match is running. Press Esc or Cancel to stop it")
-            return False
-        found = pair.resolve(context)
-        if found.missing:
-            cls.poll_message_set(found.missing)
-            return False
-        return True
+    def begin(self, context):
+        raise NotImplementedError
 
-    def objects(self, context):
-        found = pair.resolve(context)
-        return found.source, found.targets
+    def conclude(self, context, job):
+        raise NotImplementedError
 
-    def wants_swapped_sides(self, _context):
-        return False
-
-    def execute(self, context):
-        job = self._prepare(context)
-        if job is None:
-            return {"CANCELLED"}
+    def act(self, context):
+        job = value_of(self.begin(context))
         job.run()
-        return self._conclude(context, job)
+        return self._end(context, job)
 
     def invoke(self, context, _event):
         # Timers stand still in background mode, and there is no window to keep alive.
         if bpy.app.background:
             return self.execute(context)
-        job = self._prepare(context)
-        if job is None:
-            return {"CANCELLED"}
-        self._job = job_module.current = job
-        job.start()
+        self._beginning = self.begin(context)
+        self._job = job_module.current = Job()
+        self._job.stage = "Reading the meshes"
         manager = context.window_manager
         self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
         manager.modal_handler_add(self)
+        self._shown = ""
         self._show_progress(context)
         return {"RUNNING_MODAL"}
 
@@ -146,67 +143,96 @@ class MatchOperator:
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
+        if self._beginning is not None:
+            result = self.attempt(self._read_on)
+            if result == {"CANCELLED"}:
+                self._stop_watching(context)
+                return result
         if not self._job.finished:
             self._show_progress(context)
             return {"PASS_THROUGH"}
         self._stop_watching(context)
-        result = self._conclude(context, self._job)
-        refresh_panels(context)
-        return result
+        return self.attempt(self._end, context, self._job)
 
     def cancel(self, context):
         """Blender ends the operator, for example because another file is opened."""
         self._job.cancel()
         self._stop_watching(context)
 
-    def _prepare(self, context):
+    def _read_on(self):
         try:
-            return make_job(context, *self.objects(context), swap_sides=self.wants_swapped_sides(context))
-        except UnusableObjectError as reason:
-            self.report({"ERROR"}, str(reason))
-            return None
+            next(self._beginning)
+        except StopIteration as end:
+            if self._job.cancelling:
+                end.value.cancel()
+            self._beginning = None
+            self._job = job_module.current = end.value
+            self._job.start()
+        return {"RUNNING_MODAL"}
 
     def _show_progress(self, context):
-        words = "stopping" if self._job.cancelling else f"{self._job.stage}  {self._job.fraction:.0%}"
-        context.workspace.status_text_set(f"Spectral Match: {words}   |   Esc: Cancel")
-        refresh_panels(context)
+        job = self._job
+        words = "stopping" if job.cancelling else f"{job.stage}  {job.fraction:.0%}"
+        if words != self._shown:
+            self._shown = words
+            context.workspace.status_text_set(f"Spectral Match: {words}   |   Esc: Cancel")
+        redraw_sidebars(context)
 
     def _stop_watching(self, context):
         job_module.current = None
+        self._beginning = None
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None
         if context.workspace is not None:
             context.workspace.status_text_set(None)
+        redraw_sidebars(context)
 
-    def _conclude(self, context, job):
-        if job.cancelled:
+    def _end(self, context, job):
+        if job.error is not None:
+            return self.fail(core.explain(job.error))
+        return self.conclude(context, job)
+
+
+class MatchOperator(JobOperator):
+    """What the operators that match the chosen pair share."""
+
+    obstacle = staticmethod(needs_pair)
+    then_transfer = False
+
+    def wants_swapped_sides(self, _context):
+        return False
+
+    def begin(self, context):
+        found = pair.resolve(context)
+        return reading(context, found.source, found.targets, swap_sides=self.wants_swapped_sides(context))
+
+    def conclude(self, context, job):
+        if job.cancelled and not job.results:
             self.report({"INFO"}, "Match cancelled; nothing was changed")
             return {"CANCELLED"}
-        if job.error is not None:
-            self.report({"ERROR"}, core.explain(job.error))
-            return {"CANCELLED"}
-        try:
-            stored, trouble = store(context, job)
-            if self.then_transfer:
-                settings = context.scene.spectral_match
-                for target in stored:
+        stored, trouble = store(context, job)
+        trouble += job.notes
+        if self.then_transfer:
+            settings = context.scene.spectral_match
+            for target in stored:
+                try:
                     trouble += carry_all(target, settings, checked(settings))
-        except UnusableObjectError as reason:
-            self.report({"ERROR"}, str(reason))
-            return {"CANCELLED"}
-        for words in trouble:
-            self.report({"ERROR"} if not stored else {"WARNING"}, words)
+                except UnusableObjectError as reason:
+                    trouble.append(str(reason))
         if not stored:
-            return {"CANCELLED"}
+            return self.fail(" ".join(trouble))
         show.show_after_match(context, job.source.object_uid, stored)
-        self.report({"INFO"}, summary(stored))
+        self.warn(trouble)
+        stopped = "Stopped. " if job.cancelled else ""
+        self.report({"INFO"}, stopped + summary(stored, len(job.targets), self.then_transfer))
         return {"FINISHED"}
 
 
-def summary(targets):
-    if len(targets) > 1:
-        return f"Matched {len(targets)} meshes"
+def summary(targets, wanted, transferred):
+    if wanted > 1:
+        done = "Matched and transferred to" if transferred else "Matched"
+        return f"{done} {len(targets)} of {wanted} meshes"
     stored = targets[0].data.spectral_match
     return (
         f"Matched '{targets[0].name}' in {stored.seconds:.1f} s, "
@@ -241,21 +267,40 @@ class SPECTRAL_MATCH_OT_batch(MatchOperator, Operator):
     then_transfer = True
 
 
-class SPECTRAL_MATCH_OT_cancel(Operator):
-    """Stop the running match; nothing is changed"""
+class SPECTRAL_MATCH_OT_cancel(Step, Operator):
+    """Stop; nothing is changed, except that targets of a batch that are done already stay matched"""
 
     bl_idname = "spectral_match.cancel"
     bl_label = "Cancel"
     bl_options = {"INTERNAL"}
 
-    @classmethod
-    def poll(cls, _context):
-        return job_module.current is not None
+    @staticmethod
+    def obstacle(_context):
+        return "" if job_module.current is not None else "Nothing is running"
 
-    def execute(self, context):
+    def act(self, context):
         job_module.current.cancel()
-        refresh_panels(context)
+        redraw_sidebars(context)
         return {"FINISHED"}
 
 
-CLASSES = (SPECTRAL_MATCH_OT_match, SPECTRAL_MATCH_OT_batch, SPECTRAL_MATCH_OT_cancel)
+class SPECTRAL_MATCH_OT_dismiss(Step, Operator):
+    """Hide this message"""
+
+    bl_idname = "spectral_match.dismiss"
+    bl_label = "Dismiss"
+    bl_options = {"INTERNAL"}
+
+    obstacle = staticmethod(nothing)
+
+    def act(self, _context):
+        notice.clear()
+        return {"FINISHED"}
+
+
+CLASSES = (
+    SPECTRAL_MATCH_OT_match,
+    SPECTRAL_MATCH_OT_batch,
+    SPECTRAL_MATCH_OT_cancel,
+    SPECTRAL_MATCH_OT_dismiss,
+)

@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Show a match in the viewport: as colours, or as a heat map of how sure it is."""
+"""Show a match in the viewport: as colours, as a heat map of how sure it is, as lines, as a morph."""
 
 import bpy
+from bpy.app.handlers import persistent
 from bpy.props import EnumProperty
 from bpy.types import Operator
 
-from .. import mesh_read, mesh_write, pair, preferences
+from .. import mesh_read, mesh_write, morph, overlay, pair, preferences, stored_match
 from ..mesh_read import UnusableObjectError
+from .step import Step, needs_matched
 
+OURS = "match_"
 # Colour attribute that was active before ours, by mesh session id, and the viewports' colouring before ours.
 _earlier_active: dict[int, str] = {}
 _earlier_colouring: dict[int, tuple] = {}
@@ -27,7 +30,7 @@ def _activate(mesh, name):
     if name not in colours:
         return
     active = colours.active_color
-    if active is not None and not active.name.startswith("match_"):
+    if active is not None and not active.name.startswith(OURS):
         _earlier_active[mesh.session_uid] = active.name
     colours.active_color = colours[name]
 
@@ -37,6 +40,14 @@ def _colour_viewports(context):
         _earlier_colouring.setdefault(space.as_pointer(), (space.shading.type, space.shading.color_type))
         space.shading.type = "SOLID"
         space.shading.color_type = "VERTEX"
+
+
+def _uncolour_viewports(context):
+    for space in _viewports(context):
+        if space.shading.color_type == "VERTEX":
+            earlier = _earlier_colouring.get(space.as_pointer(), ("SOLID", "MATERIAL"))
+            space.shading.type, space.shading.color_type = earlier
+    _earlier_colouring.clear()
 
 
 def show_colours(context, source, targets):
@@ -56,64 +67,126 @@ def show_confidence(context, source, targets):
 
 def show_nothing(context, source, targets):
     for obj in (source, *targets):
-        earlier = _earlier_active.pop(obj.data.session_uid, "")
         colours = obj.data.color_attributes
-        if earlier in colours:
-            colours.active_color = colours[earlier]
-    for space in _viewports(context):
-        space.shading.type, space.shading.color_type = _earlier_colouring.pop(
-            space.as_pointer(), (space.shading.type, "MATERIAL")
-        )
+        earlier = _earlier_active.pop(obj.data.session_uid, "")
+        others = [layer.name for layer in colours if not layer.name.startswith(OURS)]
+        if earlier in others or others:
+            colours.active_color = colours[earlier if earlier in others else others[0]]
+    _uncolour_viewports(context)
+
+
+WAYS = (
+    ("COLOURS", "Colors", "Matching points of source and target have the same color"),
+    ("CONFIDENCE", "Confidence", "Blue where the match is sure, yellow where it is not"),
+    ("NOTHING", "Off", "Color the viewport as before"),
+)
+SHOWN = {"COLOURS": show_colours, "CONFIDENCE": show_confidence, "NOTHING": show_nothing}
+
+
+def shown(context, target):
+    """Which of `SHOWN` this viewport does for the target."""
+    active = target.data.color_attributes.active_color
+    space = context.space_data
+    if active is None or space is None or space.type != "VIEW_3D" or space.shading.color_type != "VERTEX":
+        return "NOTHING"
+    return {"match_color": "COLOURS", mesh_write.HEAT: "CONFIDENCE"}.get(active.name, "NOTHING")
 
 
 def show_after_match(context, source_uid, targets):
     """What the preferences ask for when a match is done."""
-    source = mesh_read.find_object(bpy.data.objects, source_uid)
     wish = preferences.of(context).show_after_match
-    if wish == "COLOURS":
-        show_colours(context, source, targets)
-    elif wish == "CONFIDENCE":
-        show_confidence(context, source, targets)
+    if wish != "NOTHING":
+        SHOWN[wish](context, mesh_read.find_object(bpy.data.objects, source_uid), targets)
 
 
-class SPECTRAL_MATCH_OT_show(Operator):
+@persistent
+def _follow_undo(_scene, _unused=None):
+    """Viewports are no part of undo: take the colours back when undo took the match back."""
+    if not _earlier_colouring:
+        return
+    if not any(stored.spectral_match.target_fingerprint for stored in bpy.data.meshes):
+        _uncolour_viewports(bpy.context)
+
+
+@persistent
+def _forget_file(_path, _unused=None):
+    _earlier_active.clear()
+    _earlier_colouring.clear()
+
+
+HANDLERS = (("undo_post", _follow_undo), ("load_pre", _forget_file))
+
+
+class SPECTRAL_MATCH_OT_show(Step, Operator):
     """Color the two meshes in the viewport"""
 
     bl_idname = "spectral_match.show"
     bl_label = "Show Match"
     bl_options = {"UNDO"}
 
-    what: EnumProperty(
-        name="Show",
-        items=(
-            ("COLOURS", "Colors", "Matching points of source and target have the same color"),
-            ("CONFIDENCE", "Confidence", "Blue where the match is sure, yellow where it is not"),
-            ("NOTHING", "Off", "Color the viewport as before"),
-        ),
-    )
+    what: EnumProperty(name="Show", items=WAYS)
+    obstacle = staticmethod(needs_matched)
 
     @classmethod
     def description(cls, _context, properties):
-        return cls.bl_rna.properties["what"].enum_items[properties.what].description
+        return next(words for identifier, _, words in WAYS if identifier == properties.what)
 
-    @classmethod
-    def poll(cls, context):
-        found = pair.resolve(context)
-        if not any(target.data.spectral_match.target_fingerprint for target in found.targets):
-            cls.poll_message_set("Nothing is matched yet. Press Match first")
-            return False
-        return True
-
-    def execute(self, context):
-        found = pair.resolve(context)
-        matched = [target for target in found.targets if target.data.spectral_match.target_fingerprint]
-        show = {"COLOURS": show_colours, "CONFIDENCE": show_confidence, "NOTHING": show_nothing}[self.what]
-        try:
-            show(context, found.source, matched)
-        except (UnusableObjectError, KeyError) as reason:
-            self.report({"ERROR"}, f"The match cannot be shown ({reason}). Match again")
-            return {"CANCELLED"}
+    def act(self, context):
+        matched = pair.matched(context)
+        for target in matched:
+            if self.what != "NOTHING" and "match_confidence" not in target.data.attributes:
+                raise UnusableObjectError(
+                    f"The match of '{target.name}' was removed from its attributes. Match again"
+                )
+        SHOWN[self.what](context, pair.resolve(context).source, matched)
         return {"FINISHED"}
 
 
-CLASSES = (SPECTRAL_MATCH_OT_show,)
+class SPECTRAL_MATCH_OT_lines(Step, Operator):
+    """Draw lines between sampled points of the target and their images on the source: blue where the match
+    is sure, yellow where it is not
+    """
+
+    bl_idname = "spectral_match.lines"
+    bl_label = "Lines"
+    bl_options = {"INTERNAL"}
+
+    @staticmethod
+    def obstacle(context):
+        # Lines that are on can always be switched off.
+        return "" if overlay.lines_shown() else needs_matched(context)
+
+    def act(self, context):
+        overlay.show_lines(not overlay.lines_shown())
+        for window in context.window_manager.windows:
+            for area in window.screen.areas:
+                if area.type == "VIEW_3D":
+                    area.tag_redraw()
+        return {"FINISHED"}
+
+
+class SPECTRAL_MATCH_OT_morph(Step, Operator):
+    """Give the target a Geometry Nodes modifier that moves every vertex to its place on the source, by a
+    factor; pressed again, take it away
+    """
+
+    bl_idname = "spectral_match.morph"
+    bl_label = "Morph"
+    bl_options = {"UNDO"}
+
+    obstacle = staticmethod(needs_matched)
+
+    def act(self, context):
+        matched = pair.matched(context)
+        add = not any(morph.modifier_of(target) for target in matched)
+        for target in matched:
+            if add:
+                stored_match.require(target)
+                mesh_read.check_usable(target, as_target=True)
+                morph.add(target)
+            else:
+                morph.remove(target)
+        return {"FINISHED"}
+
+
+CLASSES = (SPECTRAL_MATCH_OT_show, SPECTRAL_MATCH_OT_lines, SPECTRAL_MATCH_OT_morph)

@@ -7,13 +7,13 @@ import bpy
 import pytest
 
 from addon.mesh_read import UnusableObjectError
-from addon.operators.match import make_job, store
+from addon.operators.match import reading, store, value_of
 
 
 @pytest.fixture
 def job(pair):
     source, target, _ = pair
-    return make_job(bpy.context, source, [target])
+    return value_of(reading(bpy.context, source, [target]))
 
 
 def test_runs_beside_and_reports(job):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import choose, lumpy, new_object
 
-from addon import mesh_read, stored_match
+from addon import mesh_read, notice, stored_match
 from addon.mesh_write import read_attribute
 
 LAYOUT = {
@@ -193,6 +193,146 @@ def test_several_targets_at_once(pair):
     assert match() == {"FINISHED"}
     for obj in (target, second, twin):
         assert obj.spectral_match_source == source
+
+
+def test_one_bad_target_does_not_stop_the_others(pair):
+    source, target, _ = pair
+    broken = new_object("Broken", *lumpy(6))
+    broken.data.vertices[0].co.x = float("nan")
+    choose(source, target, broken)
+    assert match() == {"FINISHED"}
+    assert target.data.spectral_match.grade and not broken.data.spectral_match.grade
+    assert "'Broken' was not matched" in notice.words
+    choose(source, target)
+    match()
+    assert notice.words == ""
+
+
+def test_alternatives_are_completed_on_demand(pair):
+    source, target, _ = pair
+    match()
+    stored = target.data.spectral_match
+    best = values(target, "match_position").copy()
+    if stored.alternatives == 1:
+        assert not bpy.ops.spectral_match.alternative.poll()
+        return
+    assert bpy.ops.spectral_match.alternative() == {"FINISHED"}
+    assert stored.alternative == 1
+    assert np.abs(values(target, "match_position") - best).max() > COPY_ERROR
+    assert bpy.ops.spectral_match.alternative(step=-1) == {"FINISHED"}
+    assert stored.alternative == 0
+    np.testing.assert_array_equal(values(target, "match_position"), best)
+
+
+def test_alternatives_belong_to_their_match(pair):
+    """What undo does: the mesh has an older match, whose other maps are still known."""
+    _, target, _ = pair
+    match()
+    stored = target.data.spectral_match
+    first = stored.identifier
+    older = stored_match.maps_of(target.data)
+    match()
+    assert stored_match.maps_of(target.data) is not older
+    stored.identifier = first
+    assert stored_match.maps_of(target.data) is older
+
+
+def test_swapped_sides_mirror_the_map(pair):
+    _, target, _ = pair
+    match()
+    direct = values(target, "match_position").copy()
+    assert bpy.ops.spectral_match.swap_sides() == {"FINISHED"}
+    assert target.data.spectral_match.swapped_sides
+    assert np.linalg.norm(values(target, "match_position") - direct, axis=1).mean() > COPY_ERROR
+    assert bpy.ops.spectral_match.swap_sides() == {"FINISHED"}
+    np.testing.assert_allclose(values(target, "match_position"), direct, atol=1e-5)
+
+
+def add_stretched_key(obj):
+    obj.shape_key_add(name="Basis")
+    key = obj.shape_key_add(name="Flat")
+    for point, vertex in zip(key.points, obj.data.vertices, strict=True):
+        point.co = vertex.co.x, vertex.co.y, 0.1 * vertex.co.z
+    key.value = 1.0
+
+
+def test_shape_keys_are_left_out_or_followed(pair, scene):
+    source, target, old = pair
+    add_stretched_key(source)
+    bpy.context.view_layer.update()
+    match()
+    assert copy_error(source, target, old) < COPY_ERROR
+    scene.spectral_match.shape = "EVALUATED"
+    match()
+    assert np.abs(values(target, "match_position")[:, 2]).max() < 0.5
+
+
+def test_sculpt_mode_goes_on(pair):
+    source, target, old = pair
+    bpy.ops.object.mode_set(mode="SCULPT")
+    assert match() == {"FINISHED"}
+    assert source.mode == "SCULPT"
+    bpy.ops.object.mode_set(mode="OBJECT")
+    assert copy_error(source, target, old) < COPY_ERROR
+
+
+def test_hidden_objects_are_matched_when_pinned(pair, scene):
+    source, target, old = pair
+    bpy.ops.spectral_match.pin()
+    for obj in (source, target):
+        obj.hide_set(True)
+        obj.hide_viewport = True
+    assert match() == {"FINISHED"}
+    assert copy_error(source, target, old) < COPY_ERROR
+
+
+def test_collection_instance_is_explained(pair):
+    instance = bpy.data.objects.new("Instance", None)
+    instance.instance_type = "COLLECTION"
+    instance.instance_collection = bpy.data.collections.new("Body")
+    bpy.context.scene.collection.objects.link(instance)
+    choose(instance)
+    assert "Make Instances Real" in refusal()
+
+
+def test_library_override_is_refused_in_words(pair, tmp_path):
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = ["Target"]
+    override = wanted.objects[0].override_create()
+    bpy.context.collection.objects.link(override)
+    source = new_object("Source", *lumpy())
+    choose(source, override)
+    assert "Make Local" in refusal()
+
+
+def test_linked_match_is_shown_but_not_written_to(pair, tmp_path):
+    source, target, _ = pair
+    source.vertex_groups.new(name="All").add([0], 1.0, "REPLACE")
+    match()
+    path = str(tmp_path / "library.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.objects = ["Source", "Target"]
+    for obj in wanted.objects:
+        bpy.context.collection.objects.link(obj)
+    linked = bpy.data.objects["Target"]
+    assert stored_match.state(linked).code == stored_match.MATCHED
+    choose(bpy.data.objects["Source"], linked)
+    with pytest.raises(RuntimeError, match="linked from another file"):
+        bpy.ops.spectral_match.transfer()
+
+
+def test_failure_is_kept_for_the_panel(pair):
+    _, target, _ = pair
+    target.scale = (1.0, 0.0, 1.0)
+    bpy.context.view_layer.update()
+    assert refusal().strip().endswith(notice.words) and notice.words
+    bpy.ops.spectral_match.dismiss()
+    assert notice.words == ""
 
 
 def test_shared_mesh_is_refused_in_words(pair):

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core, archive
 from .errors import ArgumentError, SgmdsError
-from .shape import Floats, Ids
+from .shape import Floats, Ids, Progress
 
 FORMAT = "sgmds-correspondence"
 ARRAYS = ("faces", "barycentric", "vertices", "confidence", "functional_map")
@@ -57,7 +57,7 @@ class Correspondence:
         self._source_count = int(arrays["source_count"])
         self.quality = quality
         self._raw = raw
-        self._alternatives: list[Self] | None = None
+        self._alternatives: dict[int, Self] = {}
 
     @classmethod
     def _from_core(cls, raw: _core.RawMatch, triangles: Ids, source_count: int) -> Self:
@@ -69,19 +69,28 @@ class Correspondence:
         return cls(arrays, Quality(grade, reasons, figures), raw)
 
     @property
+    def alternative_count(self) -> int:
+        """How many other plausible maps were found; after loading none are left."""
+        return self._raw.alternative_count if self._raw is not None else 0
+
+    def alternative(
+        self, index: int, *, progress: Progress | None = None, threads: int | None = None
+    ) -> Self:
+        """One of the other plausible maps, 0 the best of them; completed when first asked for.
+
+        `progress` and `threads` are those of `match`.
+        """
+        if self._raw is None or not 0 <= index < self.alternative_count:
+            raise ArgumentError(f"`index` should be below {self.alternative_count}, got {index}")
+        if index not in self._alternatives:
+            raw = self._raw.alternative(index, progress, threads)
+            self._alternatives[index] = self._from_core(raw, self._triangles, self._source_count)
+        return self._alternatives[index]
+
+    @property
     def alternatives(self) -> list[Self]:
         """The other plausible maps found, best first; completed when first asked for."""
-        if self._alternatives is None:
-            raw = self._raw
-            self._alternatives = (
-                [
-                    self._from_core(raw.alternative(i), self._triangles, self._source_count)
-                    for i in range(raw.alternative_count)
-                ]
-                if raw is not None
-                else []
-            )
-        return self._alternatives
+        return [self.alternative(index) for index in range(self.alternative_count)]
 
     def transfer(self, values: ArrayLike) -> NDArray[np.float64]:
         """Carries (n_source, ...) values to (n_target, ...), linear within source triangles."""

@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Landmarks: pick a vertex on each mesh, go to one, remove one."""
+
+import bpy
+import numpy as np
+from bpy.props import EnumProperty, IntProperty
+from bpy.types import Operator
+from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
+
+from .. import landmarks, mesh_read, overlay, pair
+from ..mesh_read import UnusableObjectError
+from ..overlay import Picking, Point
+from .step import Step, needs_pair
+
+# Where a modifier changes the vertices, the vertex nearest to the place under the pointer is taken, if the
+# shown surface is no farther from the modelled one than this share of its size.
+MODIFIER_MISS = 0.05
+# Distance of the eye from a landmark gone to, in sizes of its object.
+JUMP_DISTANCE = 0.6
+VIEW_KEYS = {"MIDDLEMOUSE", "WHEELUPMOUSE", "WHEELDOWNMOUSE", "MOUSEPAN", "MOUSEZOOM", "MOUSEROTATE"}
+LEAVING = {"ESC", "RIGHTMOUSE"}
+DONE = {"RET", "NUMPAD_ENTER"}
+
+
+def _region_under(context, event):
+    """The viewport region under the pointer, None over a sidebar or another editor."""
+    for area in context.window.screen.areas:
+        if area.type != "VIEW_3D":
+            continue
+        inside = [
+            region
+            for region in area.regions
+            if region.x <= event.mouse_x < region.x + region.width
+            and region.y <= event.mouse_y < region.y + region.height
+            and region.width > 1
+        ]
+        if inside and all(region.type == "WINDOW" for region in inside):
+            return inside[0]
+    return None
+
+
+def hit(context, region, pixel, objects):
+    """The vertex of one of the objects under a pixel of a region, or None."""
+    view = region.data
+    origin, direction = (
+        region_2d_to_origin_3d(region, view, pixel),
+        region_2d_to_vector_3d(region, view, pixel),
+    )
+    depsgraph = context.evaluated_depsgraph_get()
+    nearest, best = None, np.inf
+    for obj in objects:
+        if not obj.visible_get():
+            continue
+        into = obj.matrix_world.inverted_safe()
+        start, along = into @ origin, (into.to_3x3() @ direction).normalized()
+        found, place, _, face = obj.ray_cast(start, along, depsgraph=depsgraph)
+        distance = (obj.matrix_world @ place - origin).length if found else np.inf
+        if distance < best:
+            nearest, best = Point(obj.session_uid, _vertex_at(obj, depsgraph, place, face)), distance
+    return nearest
+
+
+def _vertex_at(obj, depsgraph, place, face):
+    """The mesh vertex nearest to a place on face `face` of the surface as shown."""
+    shown = obj.evaluated_get(depsgraph).data
+    if len(shown.vertices) == len(obj.data.vertices):
+        corners = shown.polygons[face].vertices
+        return min(corners, key=lambda vertex: (shown.vertices[vertex].co - place).length_squared)
+    miss = np.linalg.norm(mesh_read.positions(obj.data) - np.array(place), axis=1)
+    vertex = int(miss.argmin())
+    if miss[vertex] > MODIFIER_MISS * max(obj.dimensions) / max(abs(s) for s in obj.scale):
+        raise UnusableObjectError(
+            f"Modifiers show '{obj.name}' far from its mesh and with other vertices. Switch them off in the "
+            "viewport to pick points"
+        )
+    return vertex
+
+
+class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
+    """Click a point on one mesh and the same point on the other; as many pairs as you like. The next match
+    keeps them together
+    """
+
+    bl_idname = "spectral_match.pick_landmarks"
+    bl_label = "Add Landmarks"
+    bl_options = {"INTERNAL"}
+
+    @staticmethod
+    def obstacle(context):
+        words = needs_pair(context)
+        if words:
+            return words
+        if overlay.picking is not None:
+            return "Already picking. Click in the viewport, or press Esc to end"
+        found = pair.resolve(context)
+        for obj in (found.source, *found.targets):
+            if obj.mode != "OBJECT":
+                return f"'{obj.name}' is in {obj.mode.replace('_', ' ').title()} Mode. Use Object Mode first"
+        if not found.source.visible_get() or not any(target.visible_get() for target in found.targets):
+            return "Show both meshes in the viewport first"
+        return ""
+
+    def act(self, _context):
+        raise UnusableObjectError("Landmarks are picked in the window; scripts can call add_landmark")
+
+    def invoke(self, context, event):
+        overlay.picking = Picking()
+        self._added = 0
+        context.window.cursor_modal_set("CROSSHAIR")
+        context.window_manager.modal_handler_add(self)
+        self._show(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        found = pair.resolve(context)
+        if found.missing or overlay.picking is None:
+            return self._end(context)
+        region = _region_under(context, event)
+        if event.value == "PRESS" and event.type in DONE:
+            return self._end(context)
+        if event.value == "PRESS" and event.type in LEAVING and (region or event.type == "ESC"):
+            if overlay.picking.first is None:
+                return self._end(context)
+            overlay.picking.first = None
+            self._show(context)
+            return {"RUNNING_MODAL"}
+        if event.value == "PRESS" and (event.type == "BACK_SPACE" or event.type == "Z" and event.ctrl):
+            self._take_back(context)
+            return {"RUNNING_MODAL"}
+        if event.type in VIEW_KEYS or event.type.startswith(("NUMPAD_", "NDOF_")) or event.alt:
+            return {"PASS_THROUGH"}
+        if event.type == "MOUSEMOVE" or (event.type == "LEFTMOUSE" and region):
+            result = self.attempt(self._point_at, context, found, region, event)
+            context.area.tag_redraw()
+            if event.type == "LEFTMOUSE" and result != {"CANCELLED"}:
+                return {"RUNNING_MODAL"}
+        return {"RUNNING_MODAL"} if region and event.type == "LEFTMOUSE" else {"PASS_THROUGH"}
+
+    def cancel(self, context):
+        self._end(context)
+
+    def _point_at(self, context, found, region, event):
+        state = overlay.picking
+        state.hovered = None
+        if region is not None:
+            pixel = (event.mouse_x - region.x, event.mouse_y - region.y)
+            state.hovered = hit(context, region, pixel, (found.source, *found.targets))
+            for area in context.window.screen.areas:
+                if area.type == "VIEW_3D":
+                    area.tag_redraw()
+        if event.type == "LEFTMOUSE" and event.value == "PRESS" and state.hovered is not None:
+            self._pick(context, found, state.hovered)
+        return {"RUNNING_MODAL"}
+
+    def _pick(self, context, found, point):
+        state = overlay.picking
+        ends = {p.object: p.vertex for p in (state.first, point) if p is not None}
+        targets = [obj for obj in ends if obj != found.source]
+        if found.source in ends and targets:
+            target = targets[0]
+            landmarks.add(
+                context.scene.spectral_match, found.source, ends[found.source], target, ends[target]
+            )
+            state.first = None
+            self._added += 1
+            bpy.ops.ed.undo_push(message="Add Landmark")
+        else:
+            state.first = point
+        self._show(context)
+
+    def _take_back(self, context):
+        settings = context.scene.spectral_match
+        if overlay.picking.first is not None:
+            overlay.picking.first = None
+        elif self._added and settings.landmarks:
+            settings.landmarks.remove(len(settings.landmarks) - 1)
+            settings.landmark_index = len(settings.landmarks) - 1
+            self._added -= 1
+            bpy.ops.ed.undo_push(message="Take Back Landmark")
+        self._show(context)
+
+    def _show(self, context):
+        context.workspace.status_text_set(
+            f"{hint(context)}   |   Enter or Esc: Done   |   Backspace: Take Back"
+        )
+        for area in context.window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+    def _end(self, context):
+        overlay.picking = None
+        context.window.cursor_modal_restore()
+        context.workspace.status_text_set(None)
+        for area in context.window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+        if self._added:
+            self.report({"INFO"}, f"{self._added} landmark{'s' if self._added > 1 else ''} added")
+        return {"FINISHED"}
+
+
+def hint(context):
+    """What to click next."""
+    found = pair.resolve(context)
+    first = overlay.picking.first
+    if first is None:
+        return f"Click a point on '{found.source.name}'"
+    if first.object == found.source:
+        where = f"'{found.targets[0].name}'" if len(found.targets) == 1 else "a target"
+        return f"Click the same point on {where}"
+    return f"Click the same point on '{found.source.name}'"
+
+
+class SPECTRAL_MATCH_OT_add_landmark(Step, Operator):
+    """For scripts: say that a vertex of the source and a vertex of the first target correspond"""
+
+    bl_idname = "spectral_match.add_landmark"
+    bl_label = "Add Landmark"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    source_vertex: IntProperty(name="Source Vertex", min=0)
+    target_vertex: IntProperty(name="Target Vertex", min=0)
+
+    obstacle = staticmethod(needs_pair)
+
+    def act(self, context):
+        found = pair.resolve(context)
+        target = found.targets[0]
+        for obj, vertex in ((found.source, self.source_vertex), (target, self.target_vertex)):
+            if vertex >= len(obj.data.vertices):
+                raise UnusableObjectError(
+                    f"'{obj.name}' has {len(obj.data.vertices)} vertices, so there is no vertex {vertex}"
+                )
+        landmarks.add(
+            context.scene.spectral_match, found.source, self.source_vertex, target, self.target_vertex
+        )
+        return {"FINISHED"}
+
+
+def _needs_landmark(context):
+    settings = context.scene.spectral_match
+    chosen = 0 <= settings.landmark_index < len(settings.landmarks)
+    return "" if chosen else "Choose a landmark in the list"
+
+
+class SPECTRAL_MATCH_OT_remove_landmark(Step, Operator):
+    """Remove the chosen landmark"""
+
+    bl_idname = "spectral_match.remove_landmark"
+    bl_label = "Remove Landmark"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    obstacle = staticmethod(_needs_landmark)
+
+    def act(self, context):
+        settings = context.scene.spectral_match
+        settings.landmarks.remove(settings.landmark_index)
+        settings.landmark_index = min(settings.landmark_index, len(settings.landmarks) - 1)
+        return {"FINISHED"}
+
+
+class SPECTRAL_MATCH_OT_go_to_landmark(Step, Operator):
+    """Turn the view to the chosen landmark, seen from straight above the surface"""
+
+    bl_idname = "spectral_match.go_to_landmark"
+    bl_label = "Go to Landmark"
+    bl_options = {"INTERNAL"}
+
+    end: EnumProperty(
+        name="End",
+        items=(("SOURCE", "Source", "On the source"), ("TARGET", "Target", "On the target")),
+    )
+
+    @staticmethod
+    def obstacle(context):
+        in_view = context.space_data is not None and context.space_data.type == "VIEW_3D"
+        return _needs_landmark(context) if in_view else "Use this in a 3D viewport"
+
+    def act(self, context):
+        settings = context.scene.spectral_match
+        landmark = settings.landmarks[settings.landmark_index]
+        found = pair.resolve(context)
+        for target in found.targets:
+            ends = landmarks.ends(landmark, found.source, target)
+            if ends is not None:
+                break
+        else:
+            raise UnusableObjectError(f"'{landmark.name}' belongs to other objects than those chosen")
+        on_source = self.end == "SOURCE"
+        obj, vertex = (found.source, ends.source_vertex) if on_source else (target, ends.target_vertex)
+        if vertex >= len(obj.data.vertices):
+            raise UnusableObjectError(f"'{obj.name}' has no vertex {vertex} any more. Pick it again")
+        view = context.space_data.region_3d
+        depsgraph = context.evaluated_depsgraph_get()
+        normal = obj.matrix_world.inverted_safe().transposed().to_3x3() @ obj.data.vertices[vertex].normal
+        view.view_location = overlay.world_points(obj, depsgraph, [vertex])[0]
+        view.view_distance = max(JUMP_DISTANCE * max(obj.dimensions), 1e-3)
+        if normal.length > 0.0:
+            view.view_rotation = normal.to_track_quat("Z", "Y")
+        return {"FINISHED"}
+
+
+CLASSES = (
+    SPECTRAL_MATCH_OT_pick_landmarks,
+    SPECTRAL_MATCH_OT_add_landmark,
+    SPECTRAL_MATCH_OT_remove_landmark,
+    SPECTRAL_MATCH_OT_go_to_landmark,
+)

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Settings: presets, defaults, the folder of prepared meshes."""
+
+from pathlib import Path
+
+import bpy
+from bl_operators.presets import AddPresetBase
+from bpy.types import Menu, Operator
+
+from .. import preferences, prepared
+from ..mesh_read import UnusableObjectError
+from ..transfer import TransferChoice, TransferOptions
+from .step import Step
+
+FOLDER = Path(__file__).resolve().parents[1]
+PRESETS = "spectral_match"
+# What belongs to a pair of objects or to the panel's looks stays.
+PRESET_NAMES = (
+    "shape",
+    "part",
+    "allow_mirror",
+    *(name for name in TransferChoice.__annotations__ if name.startswith("use_")),
+    *TransferOptions.__annotations__,
+)
+
+
+class SPECTRAL_MATCH_MT_presets(Menu):
+    bl_label = "Presets"
+    preset_subdir = PRESETS
+    preset_operator = "script.execute_preset"
+    draw = Menu.draw_preset
+
+
+class SPECTRAL_MATCH_OT_add_preset(AddPresetBase, Operator):
+    """Keep the settings of match and transfer under a name, or remove the chosen preset"""
+
+    bl_idname = "spectral_match.add_preset"
+    bl_label = "Add Preset"
+    preset_menu = "SPECTRAL_MATCH_MT_presets"
+    preset_subdir = PRESETS
+    preset_defines = ["settings = bpy.context.scene.spectral_match"]
+    preset_values = [f"settings.{name}" for name in PRESET_NAMES]
+
+    def execute(self, context):
+        removed = bpy.utils.preset_find(self.name, PRESETS, display_name=True)
+        if (self.remove_name or self.remove_active) and removed and Path(removed).is_relative_to(FOLDER):
+            self.report({"ERROR"}, f"The preset '{self.name}' comes with the extension and stays")
+            return {"CANCELLED"}
+        return super().execute(context)
+
+
+class SPECTRAL_MATCH_OT_reset(Step, Operator):
+    """Set everything about match and transfer back to its default. Objects, landmarks and matches stay"""
+
+    bl_idname = "spectral_match.reset"
+    bl_label = "Reset to Defaults"
+    bl_options = {"UNDO"}
+
+    def act(self, context):
+        settings = context.scene.spectral_match
+        for name in PRESET_NAMES:
+            settings.property_unset(name)
+        settings.skipped.clear()
+        SPECTRAL_MATCH_MT_presets.bl_label = "Presets"
+        self.report({"INFO"}, "Settings of match and transfer are the defaults again")
+        return {"FINISHED"}
+
+
+class SPECTRAL_MATCH_OT_clear_cache(Step, Operator):
+    """Remove all prepared meshes from the cache folder. The next match of each mesh takes its full time"""
+
+    bl_idname = "spectral_match.clear_cache"
+    bl_label = "Clear Cache"
+    bl_options = {"INTERNAL"}
+
+    def act(self, context):
+        prepared.forget()
+        storage = preferences.storage(context)
+        if storage is None:
+            raise UnusableObjectError("No meshes are kept on disk: Keep Prepared Meshes is off")
+        prepared.clear(storage)
+        self.report({"INFO"}, f"No prepared meshes are left in {storage.folder}")
+        return {"FINISHED"}
+
+
+CLASSES = (
+    SPECTRAL_MATCH_MT_presets,
+    SPECTRAL_MATCH_OT_add_preset,
+    SPECTRAL_MATCH_OT_reset,
+    SPECTRAL_MATCH_OT_clear_cache,
+)
+
+
+def register():
+    bpy.utils.register_preset_path(str(FOLDER))
+
+
+def unregister():
+    bpy.utils.unregister_preset_path(str(FOLDER))

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the operators of the workflow share: when they can be pressed, and how they fail."""
+
+from .. import core, notice, pair
+from .. import job as job_module
+from ..mesh_read import UnusableObjectError
+
+RUNNING = "A match is running. Wait for it, or press Esc to stop it"
+NOT_MATCHED = "Nothing is matched yet. Press Match first"
+
+
+def nothing(_context):
+    """For operators that can always be pressed."""
+    return ""
+
+
+def needs_pair(context):
+    return RUNNING if job_module.current is not None else pair.resolve(context).missing
+
+
+def needs_matched(context):
+    if job_module.current is not None:
+        return RUNNING
+    return "" if pair.matched(context) else NOT_MATCHED
+
+
+class Step:
+    """Put before `Operator`. `obstacle(context)` says why the operator cannot be pressed now, or "".
+
+    `act` does the work; what goes wrong in it is said in the status bar and kept for the panel.
+    """
+
+    obstacle = staticmethod(nothing)
+
+    @classmethod
+    def poll(cls, context):
+        words = cls.obstacle(context)
+        if words:
+            cls.poll_message_set(words)
+        return not words
+
+    def execute(self, context):
+        return self.attempt(self.act, context)
+
+    def attempt(self, work, *arguments):
+        """Do the work; its failure becomes words, and the words of an earlier one go."""
+        notice.clear()
+        try:
+            return work(*arguments)
+        except (UnusableObjectError, core.CoreMissingError) as reason:
+            return self.fail(str(reason))
+
+    def fail(self, words):
+        self.report({"ERROR"}, words)
+        notice.say(words)
+        return {"CANCELLED"}
+
+    def warn(self, messages):
+        """Say what needs attention though the step succeeded."""
+        for words in messages:
+            self.report({"WARNING"}, words)
+        notice.say("\n".join(messages))

@@ -1,0 +1,289 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is drawn over the viewport: lines between matched points, landmarks, and the point being picked.
+
+Everything follows the objects as shown, posed or morphed, and is drawn only with the viewport's overlays.
+"""
+
+from dataclasses import dataclass
+
+import blf
+import bpy
+import gpu
+import numpy as np
+from bpy.app.handlers import persistent
+from bpy_extras.view3d_utils import location_3d_to_region_2d
+from gpu_extras.batch import batch_for_shader
+from mathutils import Vector
+
+from . import landmarks, mesh_read, pair, palette, stored_match
+from .mesh_write import read_attribute
+
+LINES = 80
+# Sample points are spread over at most so many vertices, to be found in a few milliseconds.
+CANDIDATES = 6000
+LINE_WIDTH = 1.6
+BEHIND_OPACITY = 0.2
+DISC_RADIUS, RING_RADIUS = 7.0, 11.0
+FACING_AWAY_OPACITY = 0.3
+CORNERS = np.linspace(0.0, 2.0 * np.pi, 25)
+CIRCLE = np.stack([np.cos(CORNERS), np.sin(CORNERS)], axis=1)
+DARK = (0.05, 0.05, 0.05)
+
+
+@dataclass
+class Point:
+    """A vertex of an object, found again by its session id after undo."""
+
+    object_uid: int
+    vertex: int
+
+    @property
+    def object(self):
+        return mesh_read.find_object(bpy.data.objects, self.object_uid)
+
+
+@dataclass
+class Picking:
+    """The pick under way: the vertex under the pointer, and the first one clicked."""
+
+    hovered: Point | None = None
+    first: Point | None = None
+
+
+picking: Picking | None = None
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Sampled vertices of a target, corners and weights of their images, and colours."""
+
+    fingerprints: tuple
+    vertices: list
+    corners: np.ndarray
+    weights: np.ndarray
+    colours: np.ndarray
+
+
+_samples: dict[int, _Samples] = {}
+_lines_handle = None
+_marks_handle = None
+
+
+def lines_shown():
+    return _lines_handle is not None
+
+
+def show_lines(shown):
+    global _lines_handle
+    if shown and _lines_handle is None:
+        _lines_handle = bpy.types.SpaceView3D.draw_handler_add(_draw_lines, (), "WINDOW", "POST_VIEW")
+    elif not shown and _lines_handle is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_lines_handle, "WINDOW")
+        _lines_handle = None
+        _samples.clear()
+
+
+def spread(points, many):
+    """Indices of up to `many` points, each the farthest from those before it."""
+    distance = np.full(len(points), np.inf)
+    chosen = [0]
+    while len(chosen) < min(many, len(points)):
+        distance = np.minimum(distance, np.linalg.norm(points - points[chosen[-1]], axis=1))
+        chosen.append(int(distance.argmax()))
+    return np.array(chosen)
+
+
+def _samples_of(source, target):
+    """What to draw for this target; sampled anew when a mesh or the match changed."""
+    prints = (stored_match.current_fingerprint(source.data), stored_match.current_fingerprint(target.data))
+    known = _samples.get(target.data.session_uid)
+    # The very same objects: a new match drops them even when the meshes are as before.
+    if known is not None and all(a is b for a, b in zip(known.fingerprints, prints, strict=True)):
+        return known
+    mesh = target.data
+    points = mesh_read.positions(mesh)
+    candidates = np.linspace(0, len(points) - 1, min(len(points), CANDIDATES)).astype(int)
+    vertices = candidates[spread(points[candidates], LINES)]
+    faces = read_attribute(mesh.attributes["match_face"])[vertices]
+    confidence = read_attribute(mesh.attributes["match_confidence"])[vertices]
+    source.data.calc_loop_triangles()
+    triangles = source.data.loop_triangles
+    made = _samples[mesh.session_uid] = _Samples(
+        prints,
+        vertices.tolist(),
+        np.array([triangles[face].vertices[:] for face in faces.tolist()]),
+        read_attribute(mesh.attributes["match_barycentric"])[vertices],
+        palette.line_colours(confidence),
+    )
+    return made
+
+
+def shown_mesh(obj, depsgraph):
+    """The mesh as the viewport shows it where that has the same vertices, else as modelled."""
+    shown = obj.evaluated_get(depsgraph).data
+    return shown if len(shown.vertices) == len(obj.data.vertices) else obj.data
+
+
+def world_points(obj, depsgraph, vertices):
+    """Where vertices of an object are in the scene, (n, 3)."""
+    mesh = shown_mesh(obj, depsgraph)
+    local = np.array([mesh.vertices[vertex].co for vertex in vertices]).reshape(-1, 3)
+    placed = np.array(obj.matrix_world)
+    return local @ placed[:3, :3].T + placed[:3, 3]
+
+
+def _overlays_shown(context):
+    return context.space_data is not None and context.space_data.overlay.show_overlays
+
+
+def _draw_lines():
+    context = bpy.context
+    if not _overlays_shown(context):
+        return
+    depsgraph = context.evaluated_depsgraph_get()
+    ends, colours = [], []
+    for target in pair.matched(context):
+        source = target.spectral_match_source
+        if not stored_match.state(target).usable or source.data.is_editmode or target.data.is_editmode:
+            continue
+        if not (source.visible_get() and target.visible_get()):
+            continue
+        samples = _samples_of(source, target)
+        corners = world_points(source, depsgraph, samples.corners.ravel().tolist()).reshape(-1, 3, 3)
+        images = np.einsum("ij,ijc->ic", samples.weights, corners)
+        start = world_points(target, depsgraph, samples.vertices)
+        ends.append(np.stack([start, images], axis=1).reshape(-1, 3))
+        colours.append(np.repeat(samples.colours, 2, axis=0))
+    if not ends:
+        return
+    ends, colours = np.concatenate(ends).astype(np.float32), np.concatenate(colours)
+    gpu.state.blend_set("ALPHA")
+    # Faint where a body hides them, so that their ends can be told.
+    for depth, opacity in (("LESS_EQUAL", 1.0), ("GREATER", BEHIND_OPACITY)):
+        gpu.state.depth_test_set(depth)
+        _polyline("POLYLINE_SMOOTH_COLOR", "LINES", ends, LINE_WIDTH, colours * (1.0, 1.0, 1.0, opacity))
+    gpu.state.depth_test_set("NONE")
+    gpu.state.blend_set("NONE")
+
+
+def _polyline(shader_name, kind, points, width, colour):
+    shader = gpu.shader.from_builtin(shader_name)
+    each = shader_name.endswith("SMOOTH_COLOR")
+    content = {"pos": points, "color": colour.astype(np.float32)} if each else {"pos": points}
+    batch = batch_for_shader(shader, kind, content)
+    shader.bind()
+    shader.uniform_float("viewportSize", gpu.state.viewport_get()[2:])
+    shader.uniform_float("lineWidth", width * bpy.context.preferences.system.ui_scale)
+    if not each:
+        shader.uniform_float("color", colour)
+    batch.draw(shader)
+
+
+def _draw_marks():
+    context = bpy.context
+    settings = context.scene.spectral_match
+    if not _overlays_shown(context) or not (settings.landmarks or picking):
+        return
+    depsgraph = context.evaluated_depsgraph_get()
+    gpu.state.blend_set("ALPHA")
+    found = pair.resolve(context)
+    chosen = settings.landmark_index
+    for target in found.targets if found.source is not None else ():
+        for landmark, ends in landmarks.of_pair(settings, found.source, target):
+            number = settings.landmarks.find(landmark.name)
+            for obj, vertex in ((found.source, ends.source_vertex), (target, ends.target_vertex)):
+                if vertex < len(obj.data.vertices) and obj.visible_get():
+                    _draw_mark(context, depsgraph, obj, vertex, number, number == chosen)
+    if picking is not None:
+        for point in (picking.first, picking.hovered):
+            if point is not None and point.object is not None:
+                _draw_picked(context, depsgraph, point)
+    gpu.state.blend_set("NONE")
+
+
+def _on_screen(context, depsgraph, obj, vertex):
+    """Pixel of a vertex in this region or None, and whether its surface looks towards the viewer."""
+    place = Vector(world_points(obj, depsgraph, [vertex])[0])
+    view = context.region_data
+    pixel = location_3d_to_region_2d(context.region, view, place)
+    normal = obj.matrix_world.inverted_safe().transposed().to_3x3() @ obj.data.vertices[vertex].normal
+    eye = view.view_matrix.inverted()
+    towards = eye.translation - place if view.is_perspective else eye.col[2].to_3d()
+    return pixel, normal.dot(towards) > 0.0
+
+
+def _draw_mark(context, depsgraph, obj, vertex, number, chosen):
+    pixel, facing = _on_screen(context, depsgraph, obj, vertex)
+    if pixel is None:
+        return
+    opacity = 1.0 if facing else FACING_AWAY_OPACITY
+    scale = context.preferences.system.ui_scale
+    colour = palette.landmark_colour(number)
+    disc = CIRCLE * DISC_RADIUS * scale + pixel
+    shader = gpu.shader.from_builtin("UNIFORM_COLOR")
+    batch = batch_for_shader(shader, "TRIS", {"pos": _fan(disc)})
+    shader.bind()
+    shader.uniform_float("color", (*colour, opacity))
+    batch.draw(shader)
+    _ring(pixel, DISC_RADIUS * scale, 1.5, (*DARK, opacity))
+    if chosen:
+        _ring(pixel, RING_RADIUS * scale, 2.0, (1.0, 1.0, 1.0, opacity))
+    font, label = 0, str(number + 1)
+    blf.size(font, 11.0 * scale)
+    blf.color(font, *DARK, opacity)
+    width, height = blf.dimensions(font, label)
+    blf.position(font, pixel.x - width / 2, pixel.y - height / 2, 0.0)
+    blf.draw(font, label)
+
+
+def _draw_picked(context, depsgraph, point):
+    if point.vertex >= len(point.object.data.vertices):
+        return
+    pixel, _ = _on_screen(context, depsgraph, point.object, point.vertex)
+    if pixel is None:
+        return
+    scale = context.preferences.system.ui_scale
+    colour = palette.landmark_colour(len(context.scene.spectral_match.landmarks))
+    _ring(pixel, RING_RADIUS * scale, 4.0, (*DARK, 1.0))
+    _ring(pixel, RING_RADIUS * scale, 2.0, (*colour, 1.0))
+    _ring(pixel, 1.5 * scale, 3.0, (*colour, 1.0))
+
+
+def _ring(centre, radius, width, colour):
+    _polyline("POLYLINE_UNIFORM_COLOR", "LINE_STRIP", _flat(CIRCLE * radius + centre), width, colour)
+
+
+def _fan(outline):
+    """Triangles from an outline's first point."""
+    flat = _flat(outline)
+    return np.stack([np.broadcast_to(flat[0], flat[1:-1].shape), flat[1:-1], flat[2:]], axis=1).reshape(-1, 3)
+
+
+def _flat(points):
+    return np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
+
+
+@persistent
+def _forget_file(_path, _unused=None):
+    global picking
+    picking = None
+    show_lines(False)
+
+
+HANDLERS = (("load_pre", _forget_file),)
+
+
+def register():
+    global _marks_handle
+    # In background there is nothing to draw on.
+    if not bpy.app.background:
+        _marks_handle = bpy.types.SpaceView3D.draw_handler_add(_draw_marks, (), "WINDOW", "POST_PIXEL")
+
+
+def unregister():
+    global _marks_handle, picking
+    picking = None
+    show_lines(False)
+    if _marks_handle is not None:
+        bpy.types.SpaceView3D.draw_handler_remove(_marks_handle, "WINDOW")
+        _marks_handle = None

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Landmarks: pairs of vertices that the next match holds together."""
+
+import bpy
+import numpy as np
+import pytest
+import sgmds
+from conftest import choose, lumpy, new_object
+
+from addon import landmarks, mesh_read, stored_match
+from addon.mesh_write import read_attribute
+
+
+def add(source_vertex, target_vertex):
+    return bpy.ops.spectral_match.add_landmark(source_vertex=source_vertex, target_vertex=target_vertex)
+
+
+def image_of(target, vertex):
+    return read_attribute(target.data.attributes["match_position"])[vertex]
+
+
+def test_a_right_landmark_is_kept(pair, scene):
+    source, target, old = pair
+    for vertex in (0, 40):
+        assert add(int(old[vertex]), vertex) == {"FINISHED"}
+    assert [mark.name for mark in scene.spectral_match.landmarks] == ["Landmark 1", "Landmark 2"]
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    for vertex in (0, 40):
+        right = mesh_read.positions(source.data)[old[vertex]]
+        assert np.linalg.norm(image_of(target, vertex) - right) < 0.1
+
+
+def test_landmarks_reach_the_core_for_their_target_alone(pair, monkeypatch):
+    source, target, _ = pair
+    add(3, 7)
+    second = new_object("Second", *lumpy(8))
+    choose(source, target, second)
+    asked = []
+    real = sgmds.match
+
+    def asking(*arguments, **options):
+        asked.append(list(options["landmarks"]))
+        return real(*arguments, **options)
+
+    monkeypatch.setattr(sgmds, "match", asking)
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    assert sorted(asked) == [[], [(3, 7)]]
+
+
+def test_roles_exchanged_exchange_the_ends(pair, scene):
+    source, target, _ = pair
+    add(3, 7)
+    assert landmarks.vertex_pairs(scene.spectral_match, source, target) == [(3, 7)]
+    assert landmarks.vertex_pairs(scene.spectral_match, target, source) == [(7, 3)]
+    other = new_object("Other", *lumpy(6))
+    assert landmarks.vertex_pairs(scene.spectral_match, source, other) == []
+
+
+def test_names_stay_apart(pair, scene):
+    for vertex in range(3):
+        add(vertex, vertex)
+    scene.spectral_match.landmark_index = 0
+    bpy.ops.spectral_match.remove_landmark()
+    add(5, 5)
+    names = [mark.name for mark in scene.spectral_match.landmarks]
+    assert len(set(names)) == 3
+
+
+def test_outdated_landmark_is_refused_in_words(pair):
+    _, target, _ = pair
+    add(0, 0)
+    choose(target)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.subdivide()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    stored_match.forget_fingerprint(target.data)
+    choose(bpy.data.objects["Source"], target)
+    with pytest.raises(RuntimeError, match="'Target' got other vertices since landmark 'Landmark 1'"):
+        bpy.ops.spectral_match.match()
+    assert "match_face" not in target.data.attributes
+
+
+def test_vertex_that_is_not_there_is_refused_in_words(pair, scene):
+    with pytest.raises(RuntimeError, match="so there is no vertex 1000000"):
+        add(0, 1_000_000)
+    assert not scene.spectral_match.landmarks
+
+
+def test_landmarks_survive_save_and_reload(pair, tmp_path):
+    add(3, 7)
+    path = str(tmp_path / "landmarks.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    source, target = bpy.data.objects["Source"], bpy.data.objects["Target"]
+    assert landmarks.vertex_pairs(bpy.context.scene.spectral_match, source, target) == [(3, 7)]
+
+
+def test_deleted_object_leaves_a_harmless_landmark(pair, scene):
+    source, target, _ = pair
+    add(3, 7)
+    bpy.data.objects.remove(target)
+    other = new_object("Other", *lumpy(6))
+    assert landmarks.vertex_pairs(scene.spectral_match, source, other) == []

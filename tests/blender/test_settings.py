@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Presets, defaults, and prepared meshes kept between matches."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+import sgmds
+from conftest import lumpy
+
+from addon import prepared
+from addon.operators.settings import PRESET_NAMES
+
+PRESETS = sorted((Path(__file__).parents[2] / "addon" / "presets" / "spectral_match").glob("*.py"))
+
+
+@pytest.mark.parametrize("preset", PRESETS, ids=lambda path: path.stem)
+def test_shipped_preset_is_applied_and_reset(scene, preset):
+    settings = scene.spectral_match
+    defaults = {name: getattr(settings, name) for name in PRESET_NAMES}
+    apply = bpy.ops.script.execute_preset
+    assert apply(filepath=str(preset), menu_idname="SPECTRAL_MATCH_MT_presets") == {"FINISHED"}
+    assert {name: getattr(settings, name) for name in PRESET_NAMES} != defaults
+    assert any(getattr(settings, name) for name in PRESET_NAMES if name.startswith("use_"))
+    bpy.ops.spectral_match.toggle_item(item="groups/Head")
+    assert bpy.ops.spectral_match.reset() == {"FINISHED"}
+    assert {name: getattr(settings, name) for name in PRESET_NAMES} == defaults
+    assert not settings.skipped
+
+
+def triangles():
+    vertices, faces = lumpy(8)
+    quads = np.array(faces)
+    return vertices, np.vstack([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """How many shapes were really prepared."""
+    prepared.forget()
+    count = []
+    real = sgmds.Shape.__init__
+
+    def counted(self, *arguments, **options):
+        count.append(1)
+        real(self, *arguments, **options)
+
+    monkeypatch.setattr(sgmds.Shape, "__init__", counted)
+    yield count
+    prepared.forget()
+
+
+def test_the_same_mesh_is_prepared_once(made):
+    vertices, faces = triangles()
+    first = prepared.shape(vertices, faces, None, progress=None, threads=None)
+    assert prepared.shape(vertices.copy(), faces, None, progress=None, threads=None) is first
+    assert len(made) == 1
+    prepared.shape(vertices * 2.0, faces, None, progress=None, threads=None)
+    assert len(made) == 2
+
+
+def test_prepared_meshes_outlive_the_session(made, tmp_path):
+    vertices, faces = triangles()
+    storage = prepared.Storage(str(tmp_path / "kept"), 2**30)
+    first = prepared.shape(vertices, faces, storage, progress=None, threads=None)
+    prepared.forget()
+    again = prepared.shape(vertices, faces, storage, progress=None, threads=None)
+    assert len(made) == 1 and again is not first
+    np.testing.assert_array_equal(again.eigenvalues, first.eigenvalues)
+    prepared.clear(storage)
+    prepared.forget()
+    prepared.shape(vertices, faces, storage, progress=None, threads=None)
+    assert len(made) == 2
+
+
+def test_memory_is_bounded(made, monkeypatch):
+    monkeypatch.setattr(prepared, "MOST_VERTICES", 1)
+    vertices, faces = triangles()
+    for scale in (1.0, 2.0, 3.0):
+        prepared.shape(vertices * scale, faces, None, progress=None, threads=None)
+    assert len(prepared._kept) == prepared.FEWEST_SHAPES
+
+
+def test_second_match_prepares_nothing(pair, made):
+    bpy.ops.spectral_match.match()
+    assert len(made) == 2
+    bpy.ops.spectral_match.match()
+    assert len(made) == 2

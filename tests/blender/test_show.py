@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What is shown of a match: colours that everyone can read, lines, and the morph through match_position."""
+
+import bpy
+import numpy as np
+import pytest
+from conftest import lumpy, new_object
+
+from addon import morph, overlay, palette
+from addon.mesh_write import read_attribute
+
+# Linear RGB as seen without the middle or the long cones (Vienot, Brettel, Mollon 1999).
+DICHROMATS = {
+    "deuteranope": [[0.29275, 0.70725, 0.0], [0.29275, 0.70725, 0.0], [-0.02234, 0.02234, 1.0]],
+    "protanope": [[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]],
+}
+LUMINANCE = (0.2126, 0.7152, 0.0722)
+
+
+@pytest.mark.parametrize("eye", [None, *DICHROMATS])
+def test_heat_map_grows_lighter_with_doubt_for_every_eye(eye):
+    colours = palette.heat_colours(np.linspace(1.0, 0.0, 33))[:, :3]
+    if eye is not None:
+        colours = colours @ np.array(DICHROMATS[eye]).T
+    luminance = colours @ LUMINANCE
+    assert (np.diff(luminance) > 0.0).all()
+    # The ends are as far apart as dark and light text on paper have to be (WCAG 2.1, contrast 7).
+    assert (luminance[-1] + 0.05) / (luminance[0] + 0.05) > 7.0
+
+
+@pytest.mark.parametrize("eye", [None, *DICHROMATS])
+def test_line_colours_differ_for_every_eye(eye):
+    sure, doubtful = palette.line_colours(np.array([1.0, 0.0]))[:, :3] ** 2.2
+    if eye is not None:
+        sure, doubtful = (np.array(DICHROMATS[eye]) @ colour for colour in (sure, doubtful))
+    # One is blue and the other has next to none, which no common colour blindness hides.
+    assert sure[2] - doubtful[2] > 0.5
+
+
+def test_spread_takes_far_points():
+    line = np.column_stack([np.linspace(0.0, 1.0, 101), np.zeros((101, 2))])
+    assert sorted(overlay.spread(line, 3)) == [0, 50, 100]
+    assert len(overlay.spread(line[:2], 9)) == 2
+
+
+def test_lines_end_with_the_file(pair):
+    bpy.ops.spectral_match.match()
+    assert bpy.ops.spectral_match.lines() == {"FINISHED"} and overlay.lines_shown()
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    assert not overlay.lines_shown()
+
+
+def test_line_samples_follow_the_match(pair):
+    source, target, _ = pair
+    bpy.ops.spectral_match.match()
+    samples = overlay._samples_of(source, target)
+    assert len(samples.vertices) == overlay.LINES
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    corners = overlay.world_points(source, depsgraph, samples.corners.ravel().tolist()).reshape(-1, 3, 3)
+    images = np.einsum("ij,ijc->ic", samples.weights, corners)
+    expected = read_attribute(target.data.attributes["match_position"])[samples.vertices]
+    np.testing.assert_allclose(images, expected, atol=1e-5)
+    assert overlay._samples_of(source, target) is samples
+    bpy.ops.spectral_match.match()
+    assert overlay._samples_of(source, target) is not samples
+
+
+def shown(obj):
+    evaluated = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    values = np.empty(len(evaluated.vertices) * 3, np.float32)
+    evaluated.vertices.foreach_get("co", values)
+    return values.reshape(-1, 3)
+
+
+def set_input(obj, name, value):
+    modifier = morph.modifier_of(obj)
+    modifier[morph.input_of(modifier, name)] = value
+    obj.update_tag()
+    bpy.context.view_layer.update()
+
+
+def test_morph_moves_the_target_onto_the_source(pair):
+    source, target, _ = pair
+    source.location, source.scale = (1.0, 2.0, 3.0), (1.0, 0.5, 2.0)
+    bpy.context.view_layer.update()
+    bpy.ops.spectral_match.match()
+    own = shown(target).copy()
+    image = read_attribute(target.data.attributes["match_position"])
+    assert bpy.ops.spectral_match.morph() == {"FINISHED"}
+    np.testing.assert_allclose(shown(target), own, atol=1e-5)
+    placed = target.matrix_world.inverted() @ source.matrix_world
+    there = image @ np.array(placed)[:3, :3].T + np.array(placed)[:3, 3]
+    for factor in (0.25, 1.0):
+        set_input(target, morph.FACTOR, factor)
+        np.testing.assert_allclose(shown(target), own + factor * (there - own), atol=1e-4)
+    set_input(target, morph.IN_PLACE, True)
+    np.testing.assert_allclose(shown(target), image, atol=1e-4)
+    assert bpy.ops.spectral_match.morph() == {"FINISHED"}
+    assert not target.modifiers and morph.GROUP not in bpy.data.node_groups
+
+
+def test_morphed_target_is_not_matched_as_shown(pair, scene):
+    _, target, _ = pair
+    bpy.ops.spectral_match.match()
+    bpy.ops.spectral_match.morph()
+    set_input(target, morph.FACTOR, 0.5)
+    scene.spectral_match.shape = "EVALUATED"
+    with pytest.raises(RuntimeError, match="'Target' is morphed"):
+        bpy.ops.spectral_match.match()
+    set_input(target, morph.FACTOR, 0.0)
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+
+
+def test_one_group_serves_all_targets(pair):
+    source, target, _ = pair
+    second = new_object("Second", *lumpy(8))
+    for obj in (source, target, second):
+        obj.select_set(True)
+    bpy.ops.spectral_match.match()
+    bpy.ops.spectral_match.morph()
+    groups = {morph.modifier_of(obj).node_group for obj in (target, second)}
+    assert len(groups) == 1
+
+
+def test_colours_off_brings_the_earlier_layer_back(pair):
+    _, target, _ = pair
+    target.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    target.data.color_attributes.active_color = target.data.color_attributes["Paint"]
+    bpy.ops.spectral_match.match()
+    assert target.data.color_attributes.active_color.name == "match_color"
+    bpy.ops.spectral_match.show(what="NOTHING")
+    assert target.data.color_attributes.active_color.name == "Paint"
