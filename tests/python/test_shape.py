@@ -87,3 +87,40 @@ def test_saved_shape_comes_back(body, tmp_path):
     path.write_bytes(path.read_bytes()[:-100])
     with pytest.raises(sgmds.SgmdsError):
         sgmds.Shape.load(path)
+
+
+def test_scale_invariant_metric_on_the_sphere(sphere):
+    shape = sgmds.Shape(*sphere, metric="scale-invariant")
+    # |K| is constant, so only the unit changes, and with it the area: λ · area = 4π l(l + 1).
+    expected = np.concatenate([[degree * (degree + 1)] * (2 * degree + 1) for degree in range(5)])
+    found = shape.eigenvalues[1:25] * shape.mass.sum() / (4 * np.pi)
+    np.testing.assert_allclose(found, expected[1:25], rtol=0.03)
+    points = sphere[0][shape.samples]
+    arcs = np.arccos(np.clip(points @ points.T, -1, 1))
+    scale = np.sqrt(shape.mass.sum() / (4 * np.pi))
+    np.testing.assert_allclose(shape.geodesics / scale, arcs, atol=0.03 * np.pi)
+    # ∫|K| = 4π by Gauss and Bonnet, and |K| is raised a little to stay above zero.
+    assert 4 * np.pi < shape.mass.sum() < 1.2 * 4 * np.pi
+
+
+def test_scale_invariant_metric_has_no_unit(slender):
+    # Four times is exact in binary, so that no decision of the marching falls otherwise.
+    shape, larger = (
+        sgmds.Shape(s * slender.vertices, slender.faces, metric="scale-invariant") for s in (1, 4)
+    )
+    for name in ("eigenvalues", "mass", "geodesics", "distance_operator"):
+        np.testing.assert_allclose(getattr(larger, name), getattr(shape, name), rtol=1e-12, atol=1e-12)
+
+
+def test_scale_invariant_shape_is_saved_with_its_metric(slender, tmp_path):
+    shape = sgmds.Shape(slender.vertices, slender.faces, metric="scale-invariant")
+    shape.save(tmp_path / "shape.bin")
+    again = sgmds.Shape.load(tmp_path / "shape.bin")
+    assert again.metric == "scale-invariant"
+    for name in ("eigenvalues", "eigenfunctions", "mass", "geodesics", "distance_operator"):
+        assert np.array_equal(getattr(again, name), getattr(shape, name))
+
+
+def test_unknown_metric_is_refused(slender):
+    with pytest.raises(sgmds.SgmdsError, match="metric"):
+        sgmds.Shape(slender.vertices, slender.faces, metric="minkowski")

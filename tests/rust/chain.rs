@@ -8,6 +8,7 @@ use sgmds_core::Error;
 use sgmds_core::map_search::Shares;
 use sgmds_core::matching::{Correspondence, Method, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
+use sgmds_core::metric::Metric;
 use sgmds_core::pointwise_map::{SurfacePoint, dirichlet_energy};
 use sgmds_core::progress::Progress;
 use sgmds_core::selection::Mirror;
@@ -95,6 +96,48 @@ fn the_published_method_matches_a_copy_and_lowers_its_energy() {
     // A thirtieth of the spectrum resolves about 2π/√λ₃₀, a fifth of √area, and a tenth of that
     // is what aligned eigenfunctions of one surface reach.
     assert!(error < 0.02, "{error}");
+}
+
+#[test]
+fn the_baselines_match_a_copy() {
+    let source = lumpy(4);
+    let (vertices, faces, order) = disguised(&source, 1.0);
+    let (a, b) = (prepared(&source.0, &source.1), prepared(&vertices, &faces));
+    for method in [Method::Gmds, Method::FunctionalMap] {
+        let options = Options {
+            method,
+            ..Options::default()
+        };
+        let map = found(&a, &b, &options);
+        let end = map.convergence.unwrap();
+        assert!(end.converged, "{method:?}: {end:?}");
+        let error = mean_error(&map, &source, &order);
+        // An edge is 0.03 long; a wrong limb would cost 0.3.
+        assert!(error < 0.01, "{method:?}: {error}");
+    }
+}
+
+#[test]
+fn shapes_in_different_metrics_are_refused() {
+    let (vertices, faces) = lumpy(3);
+    let progress = Progress::default();
+    let report = |s, f| progress.enter(s, f);
+    let a = prepared(&vertices, &faces);
+    let b = Shape::with_metric(
+        &vertices,
+        &faces,
+        Metric::ScaleInvariant,
+        &progress,
+        &report,
+    );
+    let end = match_shapes(
+        &a,
+        &Arc::new(b.unwrap()),
+        &Options::default(),
+        &progress,
+        &report,
+    );
+    assert!(matches!(end, Err(Error::BadArgument { .. })));
 }
 
 #[test]

@@ -27,7 +27,8 @@ pub struct Descriptors {
 }
 
 impl Descriptors {
-    /// Wave kernel signature and mean curvature ½ n·(A⁻¹WV).
+    /// Wave kernel signature and mean curvature ½ n·(A⁻¹WV), in the unit of the metric: A holds
+    /// its areas and `length_factors`, `(n)`, its lengths relative to those of the positions.
     ///
     /// # Source
     /// Aubry, Schlickewei, Cremers, "The Wave Kernel Signature", 2011, here normalised by the area
@@ -37,12 +38,13 @@ impl Descriptors {
         mesh: &Mesh,
         stiffness: &sprs::CsMat<f64>,
         mass: &[f64],
+        length_factors: &[f64],
         values: &[f64],
         functions: MatRef<'_, f64>,
     ) -> Self {
         let n = mesh.vertices.len();
         let waves = wave_kernel(mass, values, functions);
-        let raw = mean_curvature(mesh, stiffness, mass);
+        let raw = mean_curvature(mesh, stiffness, mass, length_factors);
         let coarse = diffused(&raw, mass, values, functions, CURVATURE_HEAT_TIME);
         let power: f64 = mass.iter().zip(&coarse).map(|(a, h)| a * h * h).sum();
         let scale = if power > 0.0 { power.sqrt() } else { 1.0 };
@@ -108,7 +110,12 @@ fn wave_kernel(mass: &[f64], values: &[f64], functions: MatRef<'_, f64>) -> Mat<
 }
 
 /// ½ n·(A⁻¹WV), positive where the surface bulges outward, clipped.
-fn mean_curvature(mesh: &Mesh, stiffness: &sprs::CsMat<f64>, mass: &[f64]) -> Vec<f64> {
+fn mean_curvature(
+    mesh: &Mesh,
+    stiffness: &sprs::CsMat<f64>,
+    mass: &[f64],
+    length_factors: &[f64],
+) -> Vec<f64> {
     let normals = mesh.vertex_normals();
     let sign = mesh.volume_sign();
     stiffness
@@ -119,7 +126,7 @@ fn mean_curvature(mesh: &Mesh, stiffness: &sprs::CsMat<f64>, mass: &[f64]) -> Ve
             for (j, &w) in row.iter() {
                 flow = vector::add(flow, vector::scaled(mesh.vertices[j], w));
             }
-            let h = 0.5 * sign * vector::dot(normals[i], flow) / mass[i];
+            let h = 0.5 * sign * vector::dot(normals[i], flow) / mass[i] * length_factors[i];
             h.clamp(-CURVATURE_LIMIT, CURVATURE_LIMIT)
         })
         .collect()

@@ -66,6 +66,17 @@ impl Laplacian {
         }
     }
 
+    /// The operator in a metric whose areas are `factors` times as large, `(n)`.
+    ///
+    /// A conformal change of metric leaves ∫|∇f|² and so `W` as it is.
+    #[must_use]
+    pub fn with_areas_times(mut self, factors: impl Iterator<Item = f64>) -> Self {
+        for (area, factor) in self.mass.iter_mut().zip(factors) {
+            *area *= factor;
+        }
+        self
+    }
+
     /// Number of vertices.
     #[must_use]
     pub fn len(&self) -> usize {

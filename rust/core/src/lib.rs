@@ -1,5 +1,6 @@
 //! Spectral generalised multidimensional scaling (S-GMDS): dense maps between deformable surfaces.
 
+pub mod baselines;
 pub mod confidence;
 pub mod dense;
 pub mod descriptors;
@@ -11,6 +12,7 @@ pub mod laplacian;
 pub mod map_search;
 pub mod matching;
 pub mod mesh;
+pub mod metric;
 pub mod nearest;
 pub mod orientation;
 pub mod pointwise_map;

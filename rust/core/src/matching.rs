@@ -5,16 +5,17 @@ use std::sync::Arc;
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
+use crate::baselines::{Convergence, Embedding, functional_map, gmds};
 use crate::confidence::confidence;
 use crate::dense::{self, Rows};
 use crate::distance_operator;
 use crate::error::{Error, Result};
 use crate::map_search::{self, SampledPair, Shares, Width};
+use crate::nearest::nearest;
 use crate::pointwise_map::{self, SurfacePoint};
 use crate::progress::Progress;
 use crate::quality::{self, Grade};
 use crate::refinement::embedded_surface::{self, Refined, Side};
-use crate::refinement::propagation::Images;
 use crate::selection::{self, Figures, Mirror};
 use crate::shape::Shape;
 use crate::space_tree::SpaceTree;
@@ -43,6 +44,10 @@ pub enum Method {
     Auto,
     /// The published algorithm from an automatic start.
     Paper,
+    /// Multidimensional scaling of sampled points, for comparison.
+    Gmds,
+    /// A functional map from descriptors, for comparison.
+    FunctionalMap,
 }
 
 /// What the caller may ask for.
@@ -67,19 +72,6 @@ impl Default for Options {
             landmarks: Vec::new(),
         }
     }
-}
-
-/// How the paper's minimisation ended.
-#[derive(Debug, Clone, Copy)]
-pub struct Convergence {
-    /// Final S-GMDS energy.
-    pub energy: f64,
-    /// Norm of its gradient over the unknowns.
-    pub gradient_norm: f64,
-    /// Steps taken.
-    pub steps: usize,
-    /// Whether it came to rest.
-    pub converged: bool,
 }
 
 /// A map that may be the right one, before its final refinement.
@@ -129,8 +121,30 @@ pub fn match_shapes(
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
+    if source.metric != target.metric {
+        return Err(Error::BadArgument {
+            what: format!(
+                "the source has the {} metric and the target the {} one: prepare both with the same",
+                source.metric.name(),
+                target.metric.name()
+            ),
+        });
+    }
     match options.method {
-        Method::Paper => by_paper(source, target, progress, report),
+        Method::Paper => {
+            let embedding = by_paper(source, target, progress, report)?;
+            embedded(source, target, &embedding, progress, report)
+        }
+        Method::Gmds => {
+            report("GMDS", 0.0)?;
+            let embedding = gmds::embedded(target, source, progress)?;
+            embedded(source, target, &embedding, progress, report)
+        }
+        Method::FunctionalMap => {
+            report("functional map", 0.0)?;
+            let embedding = functional_map::embedded(target, source, progress)?;
+            embedded(source, target, &embedding, progress, report)
+        }
         Method::Auto => {
             let landmarks = checked_landmarks(source, target, &options.landmarks)?;
             let hypotheses = match options.shares {
@@ -303,8 +317,8 @@ fn completed_and_ranked(
     let (points, mut found) = dense_map(
         source,
         target,
-        (&asking.rows, &asking.images),
-        (&answering.rows, &answering.images),
+        (&asking.rows, &asking.images.vertex),
+        (&answering.rows, &answering.images.vertex),
         progress,
     )?;
     found.figures = Some(hypothesis.figures);
@@ -337,7 +351,7 @@ fn by_paper(
     target: &Shape,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
-) -> Result<Correspondence> {
+) -> Result<Embedding> {
     report("distance operator", 0.0)?;
     let size = |s: &Shape| PAPER_SIZE.min(s.distance_operator.nrows());
     let k = size(source).min(size(target));
@@ -370,32 +384,46 @@ fn by_paper(
         source_operator.as_ref(),
     );
     let minimum = objective.minimised(start.as_ref(), progress)?;
-    report("dense map", 0.5)?;
-    let target_rows = Rows::from_matrix(target.basis.functions.as_ref(), k);
     let turned = dense::product(source.functions(k), minimum.matrix.as_ref());
-    let source_rows = Rows::from_matrix(turned.as_ref(), k);
+    Ok(Embedding {
+        target: Rows::from_matrix(target.basis.functions.as_ref(), k),
+        source: Rows::from_matrix(turned.as_ref(), k),
+        convergence: Convergence {
+            energy: minimum.energy,
+            gradient_norm: Some(minimum.gradient_norm),
+            steps: minimum.steps,
+            converged: minimum.converged,
+        },
+    })
+}
+
+/// The dense map of an embedding in which matched points lie together.
+fn embedded(
+    source: &Shape,
+    target: &Shape,
+    embedding: &Embedding,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Correspondence> {
+    report("dense map", 0.5)?;
     let images = |from: &Shape, a: &Rows, to: &Shape, b: &Rows| {
         let real = |s: &Shape| (0..s.mesh.surface_vertices as u32).collect::<Vec<_>>();
-        Images {
-            vertex: crate::nearest::nearest(&a.gather(&real(from)), &b.gather(&real(to))),
-            cost: Vec::new(),
-        }
+        nearest(&a.gather(&real(from)), &b.gather(&real(to)))
     };
-    let on_source = images(target, &target_rows, source, &source_rows);
-    let on_target = images(source, &source_rows, target, &target_rows);
     let (_, mut found) = dense_map(
         source,
         target,
-        (&target_rows, &on_source),
-        (&source_rows, &on_target),
+        (
+            &embedding.target,
+            &images(target, &embedding.target, source, &embedding.source),
+        ),
+        (
+            &embedding.source,
+            &images(source, &embedding.source, target, &embedding.target),
+        ),
         progress,
     )?;
-    found.convergence = Some(Convergence {
-        energy: minimum.energy,
-        gradient_norm: minimum.gradient_norm,
-        steps: minimum.steps,
-        converged: minimum.converged,
-    });
+    found.convergence = Some(embedding.convergence);
     Ok(found)
 }
 
@@ -403,12 +431,12 @@ fn by_paper(
 fn dense_map(
     source: &Shape,
     target: &Shape,
-    (target_rows, on_source): (&Rows, &Images),
-    (source_rows, on_target): (&Rows, &Images),
+    (target_rows, on_source): (&Rows, &[u32]),
+    (source_rows, on_target): (&Rows, &[u32]),
     progress: &Progress,
 ) -> Result<(Vec<SurfacePoint>, Correspondence)> {
-    let images = &on_source.vertex[..target.mesh.surface_vertices];
-    let back = &on_target.vertex[..source.mesh.surface_vertices];
+    let images = &on_source[..target.mesh.surface_vertices];
+    let back = &on_target[..source.mesh.surface_vertices];
     let points = pointwise_map::projected(target_rows, source_rows, images, source);
     let trust = confidence(target, source, images, progress)?;
     let functional_map = functional_map(source, target, images, back)?;
@@ -444,7 +472,7 @@ fn functional_map(
     // The constant is carried exactly, so it takes no part in the ridge.
     let ridge = |i: usize| if i == 0 { 0.0 } else { FUNCTIONAL_MAP_RIDGE };
     let alpha = dense::solve_with_ridge(gram, ridge, right.as_ref())?;
-    Ok(faer::Scale(target.mesh.scale / source.mesh.scale) * alpha)
+    Ok(faer::Scale(target.unit / source.unit) * alpha)
 }
 
 /// Landmarks in the numbering of the checked meshes.

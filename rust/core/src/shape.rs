@@ -8,8 +8,8 @@ use crate::distance_operator;
 use crate::eigenbasis::Eigenbasis;
 use crate::error::{Error, Result};
 use crate::geodesics::{self, FastMarching};
-use crate::laplacian::Laplacian;
 use crate::mesh::{Adjacency, Mesh};
+use crate::metric::{Measured, Metric};
 use crate::progress::Progress;
 use crate::vector::Point;
 
@@ -24,11 +24,18 @@ pub const OPERATOR_SIZE: usize = 60;
 /// Vertices for each eigenpair at least: beyond, eigenfunctions show the mesh, not the surface.
 const VERTICES_A_PAIR: usize = 3;
 
-/// A surface as a sampled metric space with its spectrum. Lengths are at unit area.
+/// A surface as a sampled metric space with its spectrum. Lengths are at unit area in its metric;
+/// the positions of `mesh` are at unit area in space.
 #[derive(Debug)]
 pub struct Shape {
     /// Checked mesh.
     pub mesh: Mesh,
+    /// How lengths are measured.
+    pub metric: Metric,
+    /// Length of one unit here: in given units, or without unit in the scale-invariant metric.
+    pub unit: f64,
+    /// Lengths around each vertex relative to those of the mesh's positions, `(n)`.
+    pub length_factors: Vec<f64>,
     /// Lumped mixed-Voronoi areas, `(n)`, summing to 1.
     pub mass: Vec<f64>,
     /// Smallest eigenpairs of the Laplace–Beltrami operator.
@@ -54,46 +61,65 @@ pub struct Shape {
 }
 
 impl Shape {
-    /// Prepares a triangle mesh.
-    ///
-    /// `report` is told the stage and the fraction of this shape's work that lies behind.
+    /// Prepares a triangle mesh with lengths as in space.
     ///
     /// # Errors
-    /// Those of [`Mesh::new`], [`Eigenbasis::new`], and [`crate::Error::Cancelled`].
+    /// As [`Self::with_metric`].
     pub fn new(
         vertices: &[Point],
         faces: &[[i64; 3]],
         progress: &Progress,
         report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
     ) -> Result<Self> {
+        Self::with_metric(vertices, faces, Metric::Euclidean, progress, report)
+    }
+
+    /// Prepares a triangle mesh.
+    ///
+    /// `report` is told the stage and the fraction of this shape's work that lies behind.
+    ///
+    /// # Errors
+    /// Those of [`Mesh::new`], [`Eigenbasis::new`], and [`crate::Error::Cancelled`].
+    pub fn with_metric(
+        vertices: &[Point],
+        faces: &[[i64; 3]],
+        metric: Metric,
+        progress: &Progress,
+        report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+    ) -> Result<Self> {
         report("reading", 0.0)?;
         let mesh = Mesh::new(vertices, faces, false)?;
         report("operator", 0.05)?;
-        let laplacian = Laplacian::new(&mesh)?;
+        let surface = Measured::new(&mesh, metric)?;
         report("eigenpairs", 0.1)?;
         let pairs = EIGENPAIRS.min(mesh.vertices.len() / VERTICES_A_PAIR);
         let cancelled = || progress.is_cancelled();
-        let basis = Eigenbasis::new(&laplacian, pairs, &cancelled)?;
+        let basis = Eigenbasis::new(&surface.laplacian, pairs, &cancelled)?;
         report("sampling", 0.6)?;
-        let marching = FastMarching::new(&mesh);
         let wanted = SAMPLES.min(mesh.surface_vertices);
-        let farthest = geodesics::farthest_points(&marching, &mesh, wanted, &cancelled)?;
+        let farthest = geodesics::farthest_points(&surface.marching, &mesh, wanted, &cancelled)?;
         report("geodesics", 0.7)?;
         let marched = &farthest[..MARCHED.min(farthest.len())];
-        let fields = geodesics::distances_from(&marching, marched, &cancelled)?;
+        let fields = geodesics::distances_from(&surface.marching, marched, &cancelled)?;
         report("distance operator", 0.9)?;
-        Self::assembled(mesh, laplacian, basis, marching, farthest, fields)
+        Self::assembled(mesh, surface, basis, farthest, fields)
     }
 
     /// Everything that follows from the costly parts.
     fn assembled(
         mesh: Mesh,
-        laplacian: Laplacian,
+        surface: Measured,
         basis: Eigenbasis,
-        marching: FastMarching,
         farthest: Vec<u32>,
         fields: Mat<f32>,
     ) -> Result<Self> {
+        let Measured {
+            metric,
+            unit,
+            laplacian,
+            marching,
+            length_factors,
+        } = surface;
         let marched = &farthest[..fields.ncols()];
         let size = OPERATOR_SIZE
             .min(basis.values.len())
@@ -112,6 +138,7 @@ impl Shape {
             &mesh,
             &laplacian.stiffness,
             &laplacian.mass,
+            &length_factors,
             &basis.values,
             basis.functions.as_ref(),
         );
@@ -121,6 +148,9 @@ impl Shape {
             neighbours: mesh.vertex_neighbours(),
             vertex_faces: mesh.vertex_faces(),
             mass: laplacian.mass,
+            metric,
+            unit,
+            length_factors,
             mesh,
             basis,
             farthest,
@@ -141,6 +171,7 @@ impl Shape {
     pub fn restored(
         vertices: &[Point],
         faces: &[[i64; 3]],
+        metric: Metric,
         values: Vec<f64>,
         functions: Mat<f64>,
         farthest: Vec<u32>,
@@ -165,15 +196,14 @@ impl Shape {
                 what: "the stored parts do not fit the mesh: prepare the shape again".into(),
             });
         }
-        let laplacian = Laplacian::new(&mesh)?;
+        let surface = Measured::new(&mesh, metric)?;
         let basis = Eigenbasis {
             values,
             functions,
             residual: f64::NAN,
             solves: 0,
         };
-        let marching = FastMarching::new(&mesh);
-        Self::assembled(mesh, laplacian, basis, marching, farthest, fields)
+        Self::assembled(mesh, surface, basis, farthest, fields)
     }
 
     /// First `k` eigenfunctions, `(n, k)`.
@@ -240,7 +270,7 @@ impl Shape {
         let mut out = Mat::zeros(mesh.input_positions.len(), self.basis.values.len());
         for (i, &v) in mesh.input_vertex.iter().enumerate() {
             for j in 0..out.ncols() {
-                out[(v as usize, j)] = self.basis.functions[(i, j)] / mesh.scale;
+                out[(v as usize, j)] = self.basis.functions[(i, j)] / self.unit;
             }
         }
         out
@@ -252,7 +282,7 @@ impl Shape {
         let mesh = &self.mesh;
         let mut out = vec![0.0; mesh.input_positions.len()];
         for (i, &v) in mesh.input_vertex.iter().enumerate() {
-            out[v as usize] = self.mass[i] * mesh.scale.powi(2);
+            out[v as usize] = self.mass[i] * self.unit.powi(2);
         }
         out
     }
@@ -272,7 +302,7 @@ impl Shape {
         let marched = self.marched();
         let d = |i: usize, j: usize| f64::from(self.fields[(marched[i] as usize, j)]);
         Mat::from_fn(marched.len(), marched.len(), |i, j| {
-            self.mesh.scale * f64::midpoint(d(i, j), d(j, i))
+            self.unit * f64::midpoint(d(i, j), d(j, i))
         })
     }
 }

@@ -25,6 +25,8 @@ _Progress = Callable[[str, float], object] | None
 @final
 class PreparedShape:
     @property
+    def metric(self) -> str: ...
+    @property
     def eigenvalues(self) -> _Floats: ...
     @property
     def eigenfunctions(self) -> _Floats: ...
@@ -62,11 +64,12 @@ class RawMatch:
     def alternative(self, index: int, progress: _Progress = None, threads: int | None = None) -> RawMatch: ...
 
 def prepare(
-    vertices: _Floats, faces: _Ids, progress: _Progress = None, threads: int | None = None
+    vertices: _Floats, faces: _Ids, metric: str, progress: _Progress = None, threads: int | None = None
 ) -> PreparedShape: ...
 def restore(
     vertices: _Floats,
     faces: _Ids,
+    metric: str,
     values: NDArray[Any],
     functions: _Floats,
     farthest: NDArray[Any],

@@ -8,6 +8,9 @@ import json
 import sys
 from pathlib import Path
 
+from .matching import METHODS
+from .shape import METRICS
+
 CANCELLED = 130
 
 
@@ -44,11 +47,14 @@ def _parser() -> argparse.ArgumentParser:
     )
     match.add_argument("target", type=Path, help="mesh that receives it")
     match.add_argument("-o", "--output", type=Path, required=True, metavar="MAP.npz")
-    match.add_argument("--method", choices=("auto", "paper"), default="auto")
+    match.add_argument("--method", choices=METHODS, default="auto")
     match.add_argument(
         "--part", choices=("source", "target"), help="which of the two is only a part of the other"
     )
     match.add_argument("--mirror", choices=("forbid", "allow"), default="forbid")
+    match.add_argument(
+        "--metric", choices=METRICS, default="euclidean", help="how lengths on both surfaces are measured"
+    )
     match.add_argument(
         "--landmark",
         type=_landmark,
@@ -66,11 +72,12 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("folder", type=Path, help="a set (has pairs.txt), or a folder of sets")
     evaluate.add_argument("--set", action="append", metavar="NAME", help="only this set; repeatable")
     evaluate.add_argument("--limit", type=_positive, metavar="N", help="only the first N pairs of each set")
+    evaluate.add_argument("--every", type=_positive, default=1, metavar="N", help="only every Nth of them")
     evaluate.add_argument(
         "--method",
         default="auto",
         type=_method,
-        help='"auto", "paper", or "saved:NAME" for maps stored with the set',
+        help=f'one of {", ".join(METHODS)}, or "saved:NAME" for maps stored with the set',
     )
     evaluate.add_argument(
         "--bound", type=float, default=8.0, help="a pair is right below this error (default 8)"
@@ -80,6 +87,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     evaluate.add_argument("--distances", choices=("heat", "exact"), default="heat")
     evaluate.add_argument("--reverse", action="store_true", help="every pair the other way round")
+    evaluate.add_argument("--metric", choices=METRICS, default="euclidean")
     evaluate.add_argument("--part", choices=("source", "target"))
     evaluate.add_argument("--mirror", choices=("forbid", "allow"))
     evaluate.add_argument("--cache", type=Path, metavar="DIR", help="keep truth distances there between runs")
@@ -90,6 +98,21 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("-q", "--quiet", action="store_true", help="the summary only")
     _add_common(evaluate)
     evaluate.set_defaults(run=_evaluate)
+
+    reproduce = commands.add_parser(
+        "reproduce", help="the paper's experiments", description=_reproduce.__doc__
+    )
+    reproduce.add_argument("experiment", choices=("curves", "noise", "runtime"))
+    reproduce.add_argument("folder", type=Path, help="a set (has pairs.txt), or a folder of sets")
+    reproduce.add_argument("--set", action="append", metavar="NAME", help="only this set; repeatable")
+    reproduce.add_argument("--method", action="append", choices=METHODS, help="repeatable")
+    reproduce.add_argument("--every", type=_positive, default=1, metavar="N", help="only every Nth pair")
+    reproduce.add_argument(
+        "--cache", type=Path, metavar="DIR", help="keep truth distances there between runs"
+    )
+    reproduce.add_argument("--json", type=Path, metavar="OUT", help="all figures")
+    reproduce.add_argument("--plot", type=Path, metavar="OUT.svg", help="the error curves")
+    reproduce.set_defaults(run=_reproduce)
 
     bench = commands.add_parser("bench", help="time the stages", description=_bench.__doc__)
     bench.add_argument(
@@ -128,9 +151,9 @@ def _sizes(text: str) -> list[int]:
 
 
 def _method(text: str) -> str:
-    if text in ("auto", "paper") or text.startswith("saved:"):
+    if text in METHODS or text.startswith("saved:"):
         return text
-    raise argparse.ArgumentTypeError('should be "auto", "paper" or "saved:NAME"')
+    raise argparse.ArgumentTypeError(f'should be one of {", ".join(METHODS)} or "saved:NAME"')
 
 
 def _given(options, *names) -> dict:
@@ -146,11 +169,13 @@ def _match(options) -> int:
 
     if options.output.suffix != ".npz":
         return _fail(f"{options.output}: the map is saved as .npz; please name it so")
-    source, target = read_mesh(options.source), read_mesh(options.target)
+    meshes: list = [read_mesh(options.source), read_mesh(options.target)]
     with _ProgressBar() as progress:
+        shapes = meshes
+        if options.metric != "euclidean":
+            shapes = [sgmds.Shape(*mesh, metric=options.metric, progress=progress) for mesh in meshes]
         corr = sgmds.match(
-            source,
-            target,
+            *shapes,
             method=options.method,
             landmarks=options.landmark,
             progress=progress,
@@ -172,11 +197,13 @@ def _evaluate(options) -> int:
         options.folder,
         set=options.set,
         limit=options.limit,
+        every=options.every,
         method=options.method,
         bound=options.bound,
         lines=options.lines or None,
         distances=options.distances,
         reverse=options.reverse,
+        metric=options.metric,
         compare=options.plot is not None,
         cache=options.cache,
         report=None if options.quiet else lambda line: print(line, flush=True),
@@ -188,6 +215,32 @@ def _evaluate(options) -> int:
         result.plot(options.plot)
     print(result.text())
     return 0 if result.pairs and not any(s.failed for s in result.sets) else 1
+
+
+def _reproduce(options) -> int:
+    """Error curves of the methods; their errors under noise along the normals and with triangles missing; or
+    user CPU times of the stages by mesh size."""
+    from . import experiments
+
+    def report(line):
+        print(line, flush=True)
+
+    if options.experiment == "runtime":
+        records = [
+            record
+            for method in options.method or ["paper"]
+            for record in experiments.runtime(options.folder, options.set, method, report=report)
+        ]
+    else:
+        given = {"cache": options.cache, "every": options.every, "report": report}
+        if options.method:
+            given["methods"] = options.method
+        if options.experiment == "curves":
+            given["plot"] = options.plot
+        records = getattr(experiments, options.experiment)(options.folder, options.set, **given)
+    if options.json:
+        options.json.write_text(json.dumps(records, indent=1) + "\n", encoding="utf-8")
+    return 0
 
 
 def _bench(options) -> int:

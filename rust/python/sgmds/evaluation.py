@@ -344,6 +344,7 @@ class PairResult:
     alternatives: list[float] = field(default_factory=list)
     confidence: dict[str, float] = field(default_factory=dict)
     errors: np.ndarray | None = field(default=None, repr=False)
+    swapped_errors: np.ndarray | None = field(default=None, repr=False)
 
     @property
     def best(self) -> float:
@@ -442,7 +443,7 @@ class SetResult:
         pairs."""
         own = [p.errors for p in self.pairs if p.errors is not None]
         curves = {self.method: own} | self.saved
-        return {name: _curve(np.concatenate(errors)) for name, errors in curves.items() if errors}
+        return {name: error_curve(np.concatenate(errors)) for name, errors in curves.items() if errors}
 
 
 @dataclass
@@ -467,7 +468,7 @@ class Evaluation:
             pairs = []
             for pair in s.pairs:
                 record = asdict(pair)
-                del record["errors"]
+                del record["errors"], record["swapped_errors"]
                 pairs.append(record)
             result[s.name] = {
                 "method": s.method,
@@ -511,7 +512,8 @@ def _median(values) -> float:
     return float(np.median(values)) if len(values) else float("nan")
 
 
-def _curve(errors) -> np.ndarray:
+def error_curve(errors) -> np.ndarray:
+    """Share of the errors within each of `CURVE_THRESHOLDS`."""
     known = np.sort(errors[~np.isnan(errors)])
     return np.searchsorted(known, CURVE_THRESHOLDS, side="right") / max(len(known), 1)
 
@@ -525,10 +527,12 @@ def evaluate(
     limit: int | None = None,
     method: str | Callable = "auto",
     *,
+    every: int = 1,
     bound: float = RIGHT_BELOW,
     lines: int | None = TRUTH_LINES,
     distances: str = "heat",
     reverse: bool = False,
+    metric: str = "euclidean",
     compare: bool = False,
     cache=None,
     report: Callable[[str], object] | None = None,
@@ -536,13 +540,15 @@ def evaluate(
 ) -> Evaluation:
     """Match the pairs of one or more sets and measure the maps by the Princeton protocol.
 
-    `folder` is a set or holds several, of which `set` picks some; `limit` takes the first pairs of each.
-    `method` is "auto" or "paper", "saved:NAME" for the maps stored with the set, or a callable `(source,
+    `folder` is a set or holds several, of which `set` picks some; `limit` takes the first pairs of each,
+    `every=4` every fourth of them.
+    `method` is one of `match`'s, "saved:NAME" for the maps stored with the set, or a callable `(source,
     target) -> vertex ids` given (vertices, faces) twice. A pair is *right* when its direct error ×100 is
     below `bound`, else *mirrored* when the error against the swapped truth is, else *broken*. `distances` is
-    "heat" or "exact", `lines` the truth lines asked of a pair, `reverse` turns every pair round, `compare`
-    measures saved maps of other methods on the same pairs too, `cache` is a folder that keeps truth
-    distances between runs. `report` receives each line of the table. Everything else goes to `match`.
+    "heat" or "exact", `lines` the truth lines asked of a pair, `reverse` turns every pair round. `metric` is
+    that of the prepared shapes; errors are always measured in space. `compare` measures saved maps of other
+    methods on the same pairs too, `cache` is a folder that keeps truth distances between runs. `report`
+    receives each line of the table. Everything else goes to `match`.
 
     Each shape is prepared once and let go after its last pair. A pair that cannot be matched is listed in
     `failed`.
@@ -552,26 +558,48 @@ def evaluate(
     for shapes in find_sets(folder, names):
         result.sets.append(
             _evaluate_set(
-                shapes, limit, method, bound, lines, distances, reverse, compare, cache, report, match_options
+                shapes,
+                limit,
+                every,
+                method,
+                bound,
+                lines,
+                distances,
+                reverse,
+                metric,
+                compare,
+                cache,
+                report,
+                match_options,
             )
         )
     return result
 
 
 def _evaluate_set(
-    shapes, limit, method, bound, lines, distances, reverse, compare, cache, report, match_options
+    shapes,
+    limit,
+    every,
+    method,
+    bound,
+    lines,
+    distances,
+    reverse,
+    metric,
+    compare,
+    cache,
+    report,
+    match_options,
 ) -> SetResult:
     from sgmds import SgmdsError
 
     report = report or (lambda line: None)
-    pairs = shapes.pairs()[:limit]
+    pairs = shapes.pairs()[:limit:every]
     if reverse:
         pairs = [(b, a) for a, b in pairs]
     label = method if isinstance(method, str) else getattr(method, "__name__", "callable")
     result = SetResult(shapes.name, label, distances, bound)
-    pool = _ShapePool(
-        shapes, pairs, distances, cache, prepared=isinstance(method, str) and label[:6] != SAVED
-    )
+    pool = _ShapePool(shapes, pairs, distances, metric, cache)
     others = [m for m in shapes.saved_maps() if SAVED + m != label] if compare else []
     report(ROW_HEADER)
     for a, b in pairs:
@@ -621,9 +649,10 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
     on_b = pool.distances(b)
     errors = pair_errors(on_b, images, truth.a, truth.b)
     figures = error_summary(errors)
-    swapped = None
+    swapped = swapped_errors = None
     if truth.swapped_a is not None:
-        swapped = error_summary(pair_errors(on_b, images, truth.swapped_a, truth.swapped_b))["mean"]
+        swapped_errors = pair_errors(on_b, images, truth.swapped_a, truth.swapped_b)
+        swapped = error_summary(swapped_errors)["mean"]
     status = "broken"
     if figures["mean"] < bound:
         status = "right"
@@ -640,6 +669,7 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
         figures["matched"],
         seconds,
         errors=errors,
+        swapped_errors=swapped_errors,
     )
     if corr is not None:
         pair.grade = getattr(corr.quality, "grade", None)
@@ -677,8 +707,8 @@ class _ShapePool:
     """Meshes, prepared shapes and truth distances, each made when first needed and dropped after its last
     pair."""
 
-    def __init__(self, shapes: ShapeSet, pairs, distances: str, cache, prepared: bool):
-        self._shapes, self._kind, self._cache, self._prepared = shapes, distances, cache, prepared
+    def __init__(self, shapes: ShapeSet, pairs, distances: str, metric: str, cache):
+        self._shapes, self._kind, self._metric, self._cache = shapes, distances, metric, cache
         self._uses = Counter(name for pair in pairs for name in pair)
         self._meshes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._made: dict[str, Any] = {}
@@ -696,7 +726,7 @@ class _ShapePool:
 
             mesh = self.mesh(name)
             started = time.perf_counter()
-            self._made[name] = sgmds.Shape(*mesh)
+            self._made[name] = sgmds.Shape(*mesh, metric=self._metric)
             self.prepare_seconds[name] = time.perf_counter() - started
         return self._made[name]
 

@@ -11,13 +11,15 @@ from .correspondence import Correspondence
 from .errors import ArgumentError
 from .shape import Ids, Progress, Shape, checked_mesh
 
+METHODS = ("auto", "paper", "gmds", "functional-map")
+
 
 def match(
     source: Shape | tuple[ArrayLike, ArrayLike],
     target: Shape | tuple[ArrayLike, ArrayLike],
     *,
     landmarks: Iterable[tuple[int, int]] = (),
-    method: Literal["auto", "paper"] = "auto",
+    method: Literal["auto", "paper", "gmds", "functional-map"] = "auto",
     part: Literal["source", "target"] | None = None,
     mirror: Literal["forbid", "allow"] = "forbid",
     progress: Progress | None = None,
@@ -32,8 +34,9 @@ def match(
         The source carries the data, the target receives it.
     landmarks : sequence of (source_vertex, target_vertex)
         Known pairs.
-    method : {"auto", "paper"}
-        Our best, or the published algorithm from an automatic initialisation.
+    method : {"auto", "paper", "gmds", "functional-map"}
+        Our best; the published algorithm from an automatic initialisation; or, to compare with,
+        multidimensional scaling of sampled points and a functional map from descriptors.
     part : {None, "source", "target"}
         Which shape is a part of the other: then only its own points ask for an image while the map
         is sought. ``None`` finds out: parts are tried where the map between wholes is poor.
@@ -55,7 +58,7 @@ def match(
     MeshError, MatchError, Cancelled
     """
     for name, value, allowed in (
-        ("method", method, ("auto", "paper")),
+        ("method", method, METHODS),
         ("part", part, (None, "source", "target")),
         ("mirror", mirror, ("forbid", "allow")),
     ):

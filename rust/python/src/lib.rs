@@ -10,10 +10,12 @@ mod watched;
 use std::sync::Arc;
 
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgmds_core::map_search::Shares;
 use sgmds_core::matching::{self, Correspondence, Hypothesis, Method, Options};
+use sgmds_core::metric::Metric;
 use sgmds_core::selection::{Figures, Mirror};
 use sgmds_core::shape::Shape;
 use sgmds_core::{Error, quality, transfer};
@@ -70,10 +72,16 @@ fn matrix<'py>(py: Python<'py>, m: faer::MatRef<'_, f64>) -> PyResult<Bound<'py,
 
 #[pymethods]
 impl PreparedShape {
+    /// How lengths are measured.
+    #[getter]
+    fn metric(&self) -> &'static str {
+        self.shape.metric.name()
+    }
+
     /// Smallest eigenvalues in 1/length².
     #[getter]
     fn eigenvalues<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let scale = self.shape.mesh.scale.powi(-2);
+        let scale = self.shape.unit.powi(-2);
         let values: Vec<f64> = self.shape.basis.values.iter().map(|l| l * scale).collect();
         values.into_pyarray(py)
     }
@@ -105,7 +113,7 @@ impl PreparedShape {
     /// Distance operator in the given unit cubed.
     #[getter]
     fn distance_operator<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let scale = self.shape.mesh.scale.powi(3);
+        let scale = self.shape.unit.powi(3);
         matrix(
             py,
             (faer::Scale(scale) * &self.shape.distance_operator).as_ref(),
@@ -159,25 +167,37 @@ impl PreparedShape {
     }
 }
 
+fn metric_named(name: &str) -> PyResult<Metric> {
+    [Metric::Euclidean, Metric::ScaleInvariant]
+        .into_iter()
+        .find(|m| m.name() == name)
+        .ok_or_else(|| PyValueError::new_err(format!("no metric named {name:?}")))
+}
+
 /// A shape from its mesh and the stored parts of an earlier preparation.
 #[pyfunction]
+#[expect(clippy::too_many_arguments, reason = "one for each stored part")]
 fn restore(
     py: Python<'_>,
     vertices: PyReadonlyArray2<'_, f64>,
     faces: PyReadonlyArray2<'_, i64>,
+    metric: &str,
     values: Vec<f64>,
     functions: PyReadonlyArray2<'_, f64>,
     farthest: Vec<u32>,
     fields: PyReadonlyArray2<'_, f32>,
 ) -> PyResult<PreparedShape> {
     let (vertices, faces) = (triples(&vertices)?, triples(&faces)?);
+    let metric = metric_named(metric)?;
     let (functions, fields) = (functions.as_array(), fields.as_array());
     let functions = faer::Mat::from_fn(functions.nrows(), functions.ncols(), |i, j| {
         functions[[i, j]]
     });
     let fields = faer::Mat::from_fn(fields.nrows(), fields.ncols(), |i, j| fields[[i, j]]);
     let shape = watched(py, None, None, move |_| {
-        Shape::restored(&vertices, &faces, values, functions, farthest, fields)
+        Shape::restored(
+            &vertices, &faces, metric, values, functions, farthest, fields,
+        )
     })?;
     Ok(PreparedShape {
         shape: Arc::new(shape),
@@ -186,17 +206,21 @@ fn restore(
 
 /// Prepares one mesh: `vertices` (n, 3) float64, `faces` (m, 3) int64, both contiguous.
 #[pyfunction]
-#[pyo3(signature = (vertices, faces, progress=None, threads=None))]
+#[pyo3(signature = (vertices, faces, metric, progress=None, threads=None))]
 fn prepare(
     py: Python<'_>,
     vertices: PyReadonlyArray2<'_, f64>,
     faces: PyReadonlyArray2<'_, i64>,
+    metric: &str,
     progress: Option<&Bound<'_, PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<PreparedShape> {
     let (vertices, faces) = (triples(&vertices)?, triples(&faces)?);
+    let metric = metric_named(metric)?;
     let shape = watched(py, progress, threads, move |state| {
-        Shape::new(&vertices, &faces, state, &|stage, f| state.enter(stage, f))
+        Shape::with_metric(&vertices, &faces, metric, state, &|stage, f| {
+            state.enter(stage, f)
+        })
     })?;
     Ok(PreparedShape {
         shape: Arc::new(shape),
@@ -269,7 +293,9 @@ impl RawMatch {
         }
         if let Some(end) = &self.found.convergence {
             dict.set_item("energy", end.energy)?;
-            dict.set_item("gradient_norm", end.gradient_norm)?;
+            if let Some(norm) = end.gradient_norm {
+                dict.set_item("gradient_norm", norm)?;
+            }
             dict.set_item("steps", end.steps)?;
             dict.set_item("converged", end.converged)?;
         }
@@ -323,10 +349,11 @@ fn match_pair(
     threads: Option<usize>,
 ) -> PyResult<RawMatch> {
     let options = Options {
-        method: if method == "paper" {
-            Method::Paper
-        } else {
-            Method::Auto
+        method: match method {
+            "paper" => Method::Paper,
+            "gmds" => Method::Gmds,
+            "functional-map" => Method::FunctionalMap,
+            _ => Method::Auto,
         },
         mirror: if mirror == "allow" {
             Mirror::Allow

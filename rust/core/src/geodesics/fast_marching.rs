@@ -134,11 +134,21 @@ impl FastMarching {
         Self::from_triangles(&mesh.vertices, &mesh.faces)
     }
 
+    /// Lays out a mesh whose faces have their own units of length: `factors`, `(m)`, positive.
+    #[must_use]
+    pub fn stretched(mesh: &Mesh, factors: &[f64]) -> Self {
+        Self::laid_out(&mesh.vertices, &mesh.faces, |face| factors[face])
+    }
+
     /// Lays out any triangles: needles, zero-length edges and non-manifold parts are allowed.
     ///
     /// Positions must be finite and faces must name existing vertices, as a checked [`Mesh`] does.
     #[must_use]
     pub fn from_triangles(vertices: &[Point], faces: &[[u32; 3]]) -> Self {
+        Self::laid_out(vertices, faces, |_| 1.0)
+    }
+
+    fn laid_out(vertices: &[Point], faces: &[[u32; 3]], factor: impl Fn(usize) -> f64) -> Self {
         let n = vertices.len();
         let mut starts = vec![0u32; n + 1];
         for &v in faces.iter().flatten() {
@@ -150,10 +160,10 @@ impl FastMarching {
         let mut fill = starts.clone();
         let mut corners = vec![NO_CORNER; 3 * faces.len()];
         let mut angle = vec![0.0; n];
-        for f in faces {
+        for (face, f) in faces.iter().enumerate() {
             for i in 0..3 {
                 let [a, b, c] = [f[i], f[(i + 1) % 3], f[(i + 2) % 3]];
-                let (corner, at) = corner(vertices, a, b, c);
+                let (corner, at) = corner(vertices, a, b, c, factor(face));
                 corners[fill[a as usize] as usize] = corner;
                 fill[a as usize] += 1;
                 angle[a as usize] += at;
@@ -365,8 +375,8 @@ const NO_CORNER: Corner = Corner {
     sin: 0.0,
 };
 
-/// The triangle as seen from `a`, and its angle there.
-fn corner(vertices: &[Point], a: u32, b: u32, c: u32) -> (Corner, f64) {
+/// The triangle as seen from `a`, its lengths times `factor`, and its angle there.
+fn corner(vertices: &[Point], a: u32, b: u32, c: u32, factor: f64) -> (Corner, f64) {
     let [p, q, r] = [a, b, c].map(|v| vertices[v as usize]);
     let (u, v) = (vector::sub(q, p), vector::sub(r, p));
     let (along, across) = (vector::dot(u, v), vector::norm(vector::cross(u, v)));
@@ -374,8 +384,8 @@ fn corner(vertices: &[Point], a: u32, b: u32, c: u32) -> (Corner, f64) {
     let corner = Corner {
         b,
         c,
-        ab: vector::norm(u) as f32,
-        ac: vector::norm(v) as f32,
+        ab: (factor * vector::norm(u)) as f32,
+        ac: (factor * vector::norm(v)) as f32,
         cos: angle.cos() as f32,
         sin: angle.sin() as f32,
     };

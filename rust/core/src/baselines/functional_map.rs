@@ -1,0 +1,118 @@
+//! Functional map from descriptors alone.
+//!
+//! # Source
+//! Ovsjanikov, Ben-Chen, Solomon, Butscher, Guibas, "Functional maps: a flexible representation of
+//! maps between shapes", 2012: descriptors as constraints, commutativity with the Laplacian,
+//! refinement by iterated closest points. Descriptors are wave kernel signatures; no landmarks, no
+//! segments.
+
+use faer::linalg::solvers::Svd;
+use faer::{Mat, MatRef};
+
+use super::{Convergence, Embedding};
+use crate::dense::{self, Rows};
+use crate::descriptors::WAVE_ENERGIES;
+use crate::error::{Error, Result};
+use crate::nearest::nearest;
+use crate::progress::Progress;
+use crate::shape::Shape;
+
+/// Eigenfunctions of the map.
+const SIZE: usize = 50;
+/// Weight of commutativity against the descriptors, each of unit norm, with eigenvalues relative to
+/// the largest.
+const COMMUTATIVITY: f64 = 1.0;
+/// Keeps the descriptors' Gram matrix invertible for pairs of equal eigenvalues.
+const RIDGE: f64 = 1e-6;
+/// Most steps of the refinement.
+const STEPS: usize = 20;
+/// The refinement rests when at most one in so many images changes.
+const UNCHANGED_SHARE: usize = 100;
+/// Target vertices that ask in a step.
+const ASKING: usize = 2000;
+
+/// Embeddings by a functional map that carries descriptors to descriptors.
+///
+/// # Errors
+/// [`Error::Cancelled`], [`Error::NotFactorised`].
+pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<Embedding> {
+    let k = SIZE
+        .min(target.basis.values.len())
+        .min(source.basis.values.len());
+    let mut matrix = fitted(target, source, k)?;
+    let asking = target.drawn_vertices(ASKING);
+    let asked = dense::gather_rows(target.functions(k), &asking, k);
+    let asked_rows = Rows::from_matrix(asked.as_ref(), k);
+    let carried = |matrix: MatRef<'_, f64>| {
+        let turned = dense::product(source.functions(k), matrix);
+        Rows::from_matrix(turned.as_ref(), k)
+    };
+    let mut images = Vec::new();
+    let (mut steps, mut converged) = (0, false);
+    while steps < STEPS && !converged {
+        progress.check()?;
+        let found = nearest(&asked_rows, &carried(matrix.as_ref()));
+        let changed = found.iter().zip(&images).filter(|(a, b)| a != b).count();
+        converged = found.len() == images.len() && changed <= found.len() / UNCHANGED_SHARE;
+        images = found;
+        let answers = dense::gather_rows(source.functions(k), &images, k);
+        matrix = orthogonal(dense::product(answers.transpose(), asked.as_ref()).as_ref())?;
+        steps += 1;
+    }
+    let (a, b) = (spectra(target, k), spectra(source, k));
+    let residual = &dense::product(matrix.as_ref(), a.as_ref()) - &b;
+    Ok(Embedding {
+        target: Rows::from_matrix(target.basis.functions.as_ref(), k),
+        source: carried(matrix.as_ref()),
+        convergence: Convergence {
+            energy: dense::squared_norm(residual.as_ref()) / dense::squared_norm(b.as_ref()),
+            gradient_norm: None,
+            steps,
+            converged,
+        },
+    })
+}
+
+/// C, target coefficients → source coefficients, that minimises ‖CA − B‖² + μ‖Λ₂C − CΛ₁‖², with the
+/// descriptors' coefficients A on the target and B on the source: each row on its own.
+fn fitted(target: &Shape, source: &Shape, k: usize) -> Result<Mat<f64>> {
+    let (a, b) = (spectra(target, k), spectra(source, k));
+    let gram = dense::product(a.as_ref(), a.transpose());
+    let right = dense::product(a.as_ref(), b.transpose());
+    let (own, other) = (&target.basis.values, &source.basis.values);
+    let largest = own[k - 1].max(other[k - 1]);
+    let weight = COMMUTATIVITY * a.ncols() as f64;
+    let mut matrix = Mat::zeros(k, k);
+    for i in 0..k {
+        let ridge = |j: usize| weight * (((other[i] - own[j]) / largest).powi(2) + RIDGE);
+        let row = dense::solve_with_ridge(gram.clone(), ridge, right.as_ref().subcols(i, 1))?;
+        for j in 0..k {
+            matrix[(i, j)] = row[(j, 0)];
+        }
+    }
+    Ok(matrix)
+}
+
+/// Coefficients `(k, 60)` of the wave kernel signatures, each of unit norm.
+fn spectra(shape: &Shape, k: usize) -> Mat<f64> {
+    let rows = &shape.descriptors.rows;
+    let weighted = Mat::from_fn(rows.count(), WAVE_ENERGIES, |i, j| {
+        shape.mass[i] * f64::from(rows.row(i)[j])
+    });
+    let mut spectra = dense::product(shape.functions(k).transpose(), weighted.as_ref());
+    for j in 0..spectra.ncols() {
+        let norm = spectra.col(j).norm_l2();
+        for x in spectra.col_mut(j).iter_mut() {
+            *x /= norm.max(f64::MIN_POSITIVE);
+        }
+    }
+    spectra
+}
+
+/// Nearest orthogonal matrix.
+fn orthogonal(matrix: MatRef<'_, f64>) -> Result<Mat<f64>> {
+    let svd = Svd::new(matrix).map_err(|_| Error::NotFactorised {
+        reason: "nearest orthogonal functional map".into(),
+    })?;
+    Ok(dense::product(svd.U(), svd.V().transpose()))
+}

@@ -1,0 +1,279 @@
+//! Generalised multidimensional scaling of sampled points, in the vertex domain.
+//!
+//! Samples of the target are placed on the source's triangles so that geodesic distances between
+//! them change least. The paper replaces these points by functions.
+//!
+//! # Source
+//! Bronstein, Bronstein, Kimmel, "Generalized multidimensional scaling: a framework for
+//! isometry-invariant partial surface matching", PNAS 103 (2006). The start by growing partial
+//! placements is in the spirit of the branch-and-bound of Raviv, Dubrovina, Kimmel, "Hierarchical
+//! framework for shape correspondence", 2013, without its descriptors.
+
+use faer::Mat;
+
+use super::{Convergence, Embedding};
+use crate::dense::Rows;
+use crate::error::Result;
+use crate::geodesics::{Seed, Workspace};
+use crate::nearest::nearest;
+use crate::pointwise_map::{self, SurfacePoint};
+use crate::progress::Progress;
+use crate::shape::Shape;
+
+/// Samples of the levels, coarse to fine.
+const LEVELS: [usize; 4] = [10, 20, 40, 80];
+/// Partial placements kept while the coarsest level is started.
+const PLACEMENTS: usize = 1000;
+/// Starts that are minimised on the coarsest level.
+const STARTS: usize = 8;
+/// Starts are different when their images are this far apart on average.
+const DIFFERENT: f64 = 0.1;
+/// Most sweeps over the samples of a level.
+const SWEEPS: usize = 20;
+/// A sweep that lowers the stress by less than this fraction is the last.
+const DECREASE_BOUND: f64 = 1e-3;
+
+/// Embeddings by distances from the target's samples and from their images on the source.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<Embedding> {
+    let most = target.marched().len();
+    let levels = LEVELS.map(|m| m.min(most));
+    let mut best: Option<Placement> = None;
+    for start in starts(target, source, levels[0]) {
+        let mut placement = Placement::new(target, source, &start);
+        placement.settle(progress)?;
+        if best
+            .as_ref()
+            .is_none_or(|b| placement.stress() < b.stress())
+        {
+            best = Some(placement);
+        }
+    }
+    let mut placement = best.unwrap_or_else(|| Placement::new(target, source, &[]));
+    for &count in &levels[1..] {
+        placement.extend(count, progress)?;
+        placement.settle(progress)?;
+    }
+    let count = placement.points.len();
+    let mut rows = Rows::zeros(target.fields.nrows(), count);
+    for v in 0..rows.count() {
+        for (j, x) in rows.row_mut(v).iter_mut().enumerate() {
+            *x = target.fields[(v, j)];
+        }
+    }
+    Ok(Embedding {
+        target: rows,
+        convergence: Convergence {
+            energy: placement.stress(),
+            gradient_norm: None,
+            steps: placement.sweeps,
+            converged: placement.converged,
+        },
+        source: placement.fields,
+    })
+}
+
+/// Vertices of the source for the target's first samples: partial placements on the source's
+/// samples grow by one sample at a time, the least stressed are kept, and of the complete ones
+/// the best that differ are returned.
+fn starts(target: &Shape, source: &Shape, count: usize) -> Vec<Vec<u32>> {
+    let (on_target, on_source) = (between_samples(target), between_samples(source));
+    let candidates = on_source.nrows() as u32;
+    let mut partial: Vec<(f32, Vec<u32>)> = (0..candidates).map(|c| (0.0, vec![c])).collect();
+    for i in 1..count {
+        let mut grown: Vec<(f32, usize, u32)> = Vec::new();
+        for (parent, (stress, placed)) in partial.iter().enumerate() {
+            for c in 0..candidates {
+                let change: f32 = placed
+                    .iter()
+                    .enumerate()
+                    .map(|(j, &p)| {
+                        (on_target[(i, j)] - on_source[(c as usize, p as usize)]).powi(2)
+                    })
+                    .sum();
+                grown.push((stress + change, parent, c));
+            }
+        }
+        grown.sort_by(|a, b| a.0.total_cmp(&b.0));
+        grown.truncate(PLACEMENTS);
+        partial = grown
+            .into_iter()
+            .map(|(stress, parent, c)| {
+                let mut placed = partial[parent].1.clone();
+                placed.push(c);
+                (stress, placed)
+            })
+            .collect();
+    }
+    let mut chosen: Vec<Vec<u32>> = Vec::new();
+    for (_, placed) in partial {
+        let apart = |other: &Vec<u32>| {
+            let sum: f32 = placed
+                .iter()
+                .zip(other)
+                .map(|(&a, &b)| on_source[(a as usize, b as usize)])
+                .sum();
+            f64::from(sum) / count as f64
+        };
+        if chosen.iter().all(|other| apart(other) > DIFFERENT) {
+            chosen.push(placed);
+        }
+        if chosen.len() == STARTS {
+            break;
+        }
+    }
+    for placed in &mut chosen {
+        for p in placed {
+            *p = source.marched()[*p as usize];
+        }
+    }
+    chosen
+}
+
+/// Distances between the samples of a shape, `(s, s)`.
+fn between_samples(shape: &Shape) -> Mat<f32> {
+    let marched = shape.marched();
+    Mat::from_fn(marched.len(), marched.len(), |i, j| {
+        let d = |a: usize, b: usize| shape.fields[(marched[a] as usize, b)];
+        f32::midpoint(d(i, j), d(j, i))
+    })
+}
+
+/// The target's first samples placed on the source.
+struct Placement<'a> {
+    source: &'a Shape,
+    /// Distances between the target's samples.
+    wanted: Mat<f32>,
+    points: Vec<SurfacePoint>,
+    /// Distances on the source from each point, a row for each vertex.
+    fields: Rows,
+    workspace: Workspace,
+    sweeps: usize,
+    converged: bool,
+}
+
+impl<'a> Placement<'a> {
+    fn new(target: &Shape, source: &'a Shape, vertices: &[u32]) -> Self {
+        let mut placement = Self {
+            source,
+            wanted: between_samples(target),
+            points: Vec::new(),
+            fields: Rows::zeros(source.fields.nrows(), vertices.len()),
+            workspace: Workspace::new(&source.marching),
+            sweeps: 0,
+            converged: false,
+        };
+        for (i, &v) in vertices.iter().enumerate() {
+            placement.points.push(at_vertex(source, v));
+            placement.march(i);
+        }
+        placement
+    }
+
+    /// Sum of squared changes of distances over half the ordered pairs, over the number of pairs.
+    fn stress(&self) -> f64 {
+        let count = self.points.len();
+        let mut sum = 0.0;
+        for (i, point) in self.points.iter().enumerate() {
+            let corners = self.source.mesh.faces[point.face as usize];
+            for j in 0..count {
+                let there: f64 = (0..3)
+                    .map(|c| point.weights[c] * f64::from(self.fields.row(corners[c] as usize)[j]))
+                    .sum();
+                if i != j {
+                    sum += (there - f64::from(self.wanted[(i, j)])).powi(2);
+                }
+            }
+        }
+        sum / (count * count.saturating_sub(1)).max(1) as f64
+    }
+
+    /// Distances from point `i`.
+    fn march(&mut self, i: usize) {
+        let SurfacePoint { face, weights } = self.points[i];
+        let seeds = Seed::in_face(&self.source.mesh, face, weights, 0.0).map(|seed| Seed {
+            distance: seed.distance * self.source.length_factors[seed.vertex as usize] as f32,
+            ..seed
+        });
+        let mut field = vec![0.0; self.fields.count()];
+        self.source
+            .marching
+            .march_seeds(&seeds, f32::INFINITY, &mut self.workspace, &mut field);
+        for (v, distance) in field.into_iter().enumerate() {
+            self.fields.row_mut(v)[i] = distance;
+        }
+    }
+
+    /// The point of the source at which sample `i` changes its distances to the others least.
+    fn best_point(&mut self, i: usize) -> SurfacePoint {
+        let count = self.fields.dims;
+        let mut query = Rows::zeros(1, count);
+        for j in 0..count {
+            query.row_mut(0)[j] = if j == i { 0.0 } else { self.wanted[(i, j)] };
+        }
+        if i < count {
+            for v in 0..self.fields.count() {
+                self.fields.row_mut(v)[i] = 0.0;
+            }
+        }
+        let surface: Vec<u32> = (0..self.source.mesh.surface_vertices as u32).collect();
+        let vertex = if surface.len() == self.fields.count() {
+            nearest(&query, &self.fields)
+        } else {
+            nearest(&query, &self.fields.gather(&surface))
+        };
+        pointwise_map::projected(&query, &self.fields, &vertex, self.source)[0]
+    }
+
+    /// Moves one sample after the other to its best point until the stress rests.
+    fn settle(&mut self, progress: &Progress) -> Result<()> {
+        let mut stress = self.stress();
+        self.converged = false;
+        for _ in 0..SWEEPS {
+            for i in 0..self.points.len() {
+                progress.check()?;
+                self.points[i] = self.best_point(i);
+                self.march(i);
+            }
+            self.sweeps += 1;
+            let next = self.stress();
+            if next >= (1.0 - DECREASE_BOUND) * stress {
+                self.converged = true;
+                break;
+            }
+            stress = next;
+        }
+        Ok(())
+    }
+
+    /// Places further samples by their distances to those placed before.
+    fn extend(&mut self, count: usize, progress: &Progress) -> Result<()> {
+        let placed = self.points.len();
+        for i in placed..count {
+            let point = self.best_point(i);
+            self.points.push(point);
+        }
+        let mut wider = Rows::zeros(self.fields.count(), count);
+        for v in 0..wider.count() {
+            wider.row_mut(v)[..placed].copy_from_slice(self.fields.row(v));
+        }
+        self.fields = wider;
+        for i in placed..count {
+            progress.check()?;
+            self.march(i);
+        }
+        Ok(())
+    }
+}
+
+/// A vertex as a point of one of its faces.
+fn at_vertex(shape: &Shape, vertex: u32) -> SurfacePoint {
+    let face = shape.vertex_faces.row(vertex as usize)[0];
+    let corners = shape.mesh.faces[face as usize];
+    SurfacePoint {
+        face,
+        weights: corners.map(|c| if c == vertex { 1.0 } else { 0.0 }),
+    }
+}
