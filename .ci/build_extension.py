@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Build the extension: addon/ and the core's wheel as dist/spectral_match-VERSION-PLATFORM.zip.
 
-    python .ci/build_extension.py [--wheel FILE.whl] [--output-dir dist]
+    python .ci/build_extension.py [--wheel FILE.whl] [--output-dir dist] [--website URL]
 
-Without --wheel the core is built by maturin. Needs no Blender, whose `extension validate` accepts the result.
+Without --wheel the core is built by maturin. The website, or else $SPECTRAL_MATCH_WEBSITE, is where the
+manual is published; Blender then links to it. Needs no Blender; its `extension validate` accepts the result.
 The zip depends on the files alone, not on time or folder.
 """
 
@@ -61,8 +62,8 @@ def build_wheel(folder):
     return wheels[-1]
 
 
-def manifest_for(wheel):
-    """The manifest's text with this one platform and this wheel."""
+def manifest_for(wheel, website):
+    """The manifest's text with this one platform, this wheel and, if there is one, the website."""
     text = (ADDON / "blender_manifest.toml").read_text(encoding="utf-8")
     text, platforms = re.subn(r"(?m)^platforms = .*$", f'platforms = ["{platform_of(wheel)}"]', text)
     text, wheels = re.subn(r"(?m)^wheels = .*$", f'wheels = ["./wheels/{wheel.name}"]', text)
@@ -70,12 +71,14 @@ def manifest_for(wheel):
         raise SystemExit(
             "blender_manifest.toml should have one line 'platforms = …' and one line 'wheels = …'"
         )
+    if website:
+        text = re.sub(r"(?m)^(type = .*)$", rf'\1\nwebsite = "{website}"', text)
     return text
 
 
-def build(wheel, output_dir):
+def build(wheel, output_dir, website=None):
     """Write the zip and return its path."""
-    manifest = manifest_for(wheel)
+    manifest = manifest_for(wheel, website)
     version = tomllib.loads(manifest)["version"]
     output_dir.mkdir(parents=True, exist_ok=True)
     target = output_dir / f"spectral_match-{version}-{platform_of(wheel)}.zip"
@@ -103,9 +106,10 @@ def main():
     )
     parser.add_argument("--wheel", type=Path, help="use this wheel instead of building one")
     parser.add_argument("--output-dir", type=Path, default=ROOT / "dist")
+    parser.add_argument("--website", default=os.environ.get("SPECTRAL_MATCH_WEBSITE"), metavar="URL")
     options = parser.parse_args()
     wheel = options.wheel or build_wheel(ROOT / "dist")
-    print(build(wheel.resolve(), options.output_dir))
+    print(build(wheel.resolve(), options.output_dir, options.website))
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ import bpy
 
 from . import (
     command_line,
+    manual,
     notice,
     operators,
     overlay,
@@ -29,6 +30,7 @@ def register():
     for moment, handler in _HANDLERS:
         getattr(bpy.app.handlers, moment).append(handler)
     overlay.register()
+    manual.register()
     command_line.register()
 
 
@@ -37,6 +39,7 @@ def unregister():
         job_module.current.cancel()
         job_module.current = None
     command_line.unregister()
+    manual.unregister()
     overlay.unregister()
     for moment, handler in reversed(_HANDLERS):
         getattr(bpy.app.handlers, moment).remove(handler)

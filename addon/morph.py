@@ -15,20 +15,39 @@ def modifier_of(obj):
     return found if found is not None and found.type == "NODES" else None
 
 
-def input_of(modifier, name):
-    """The key under which a modifier holds the value of a group input."""
-    return next(item.identifier for item in modifier.node_group.interface.items_tree if item.name == name)
+def place_of(modifier, name):
+    """Owner and property path of a group input's value, as a panel takes them."""
+    items = modifier.node_group.interface.items_tree
+    identifier = next(item.identifier for item in items if item.name == name and item.in_out == "INPUT")
+    # From Blender 5.2 on inputs are properties of their own; before, they are custom properties.
+    if hasattr(modifier, "properties"):
+        return getattr(modifier.properties.inputs, identifier), "value"
+    return modifier, f'["{identifier}"]'
+
+
+def value(modifier, name):
+    owner, path = place_of(modifier, name)
+    return owner.path_resolve(path)
+
+
+def set_value(modifier, name, new):
+    owner, path = place_of(modifier, name)
+    if owner == modifier:
+        modifier[path[2:-2]] = new
+    else:
+        owner.value = new
+    modifier.id_data.update_tag()
 
 
 def factor_of(obj):
     modifier = modifier_of(obj)
-    return 0.0 if modifier is None or modifier.node_group is None else modifier[input_of(modifier, FACTOR)]
+    return 0.0 if modifier is None or modifier.node_group is None else value(modifier, FACTOR)
 
 
 def add(target):
     modifier = target.modifiers.new(MODIFIER, "NODES")
     modifier.node_group = bpy.data.node_groups.get(GROUP) or make_group()
-    modifier[input_of(modifier, SOURCE)] = target.spectral_match_source
+    set_value(modifier, SOURCE, target.spectral_match_source)
     return modifier
 
 

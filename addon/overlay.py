@@ -23,7 +23,7 @@ LINES = 80
 CANDIDATES = 6000
 LINE_WIDTH = 1.6
 BEHIND_OPACITY = 0.2
-DISC_RADIUS, RING_RADIUS = 7.0, 11.0
+DISC_RADIUS, RING_RADIUS = 9.0, 13.0
 FACING_AWAY_OPACITY = 0.3
 CORNERS = np.linspace(0.0, 2.0 * np.pi, 25)
 CIRCLE = np.stack([np.cos(CORNERS), np.sin(CORNERS)], axis=1)
@@ -229,7 +229,7 @@ def _draw_mark(context, depsgraph, obj, vertex, number, chosen):
     if chosen:
         _ring(pixel, RING_RADIUS * scale, 2.0, (1.0, 1.0, 1.0, opacity))
     font, label = 0, str(number + 1)
-    blf.size(font, 11.0 * scale)
+    blf.size(font, 12.0 * scale)
     blf.color(font, *DARK, opacity)
     width, height = blf.dimensions(font, label)
     blf.position(font, pixel.x - width / 2, pixel.y - height / 2, 0.0)

@@ -250,9 +250,9 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
                 found = morph.modifier_of(target)
                 if found is not None and found.node_group is not None:
                     text = "Morph" if len(matched) == 1 else target.name
-                    morphing.prop(found, f'["{morph.input_of(found, morph.FACTOR)}"]', text=text, slider=True)
+                    morphing.prop(*morph.place_of(found, morph.FACTOR), text=text, slider=True)
             if len(matched) == 1:
-                morphing.prop(modifier, f'["{morph.input_of(modifier, morph.IN_PLACE)}"]', text="In Place")
+                morphing.prop(*morph.place_of(modifier, morph.IN_PLACE), text="In Place")
 
 
 class VIEW3D_UL_spectral_match_landmarks(UIList):
@@ -314,7 +314,8 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         self._draw_landmarks(context, layout, settings)
         row = layout.row()
         row.scale_y = BIG
-        row.operator("spectral_match.match", text="Match Again", icon="FILE_REFRESH")
+        again = row.operator("spectral_match.match", text="Match Again", icon="FILE_REFRESH")
+        again.swap_sides = stored.swapped_sides
 
     @staticmethod
     def _draw_landmarks(context, layout, settings):

@@ -223,7 +223,8 @@ def steps():
     modifier = troll().modifiers[0]
     assert modifier.type == "NODES"
     before = Vector(shown_centre(troll()))
-    set_factor(modifier, 0.5)
+    addon("morph").set_value(modifier, "Factor", 0.5)
+    bpy.context.view_layer.update()
     yield from window.shot("07_morph")
     assert (Vector(shown_centre(troll())) - before).length > 1.0, "the morph moves the target"
     yield from window.press("spectral_match.morph", 0.75)
@@ -281,7 +282,7 @@ def steps():
         print("LANDMARK image is", round(away, 3), "away, triangle", face[target_vertex].value)
         assert away < 0.3, "a landmark's image is where it was picked"
     yield from window.shot("14_landmarks_matched")
-    yield from window.press("spectral_match.remove_landmark", 1.0)
+    yield from window.press("spectral_match.remove_landmark", 0.9)
     assert len(settings.landmarks) == 1
     yield from window.open_panel("spectral_match.lines", "spectral_match.transfer()")
 
@@ -337,18 +338,17 @@ def steps():
     yield from idle("the end of the large match")
     thread.report("large meshes")
 
+    package = addon("").__name__
+    with bpy.context.temp_override(**window.view()):
+        bpy.ops.preferences.addon_show(module=package)
+    yield 2.0
+    window.picture("21_preferences")
+
 
 def shown_centre(obj):
     """Mean vertex of an object as shown, in its own space."""
     shown = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
     return sum((v.co for v in shown.vertices), Vector()) / len(shown.vertices)
-
-
-def set_factor(modifier, value):
-    morph = addon("morph")
-    modifier[morph.input_of(modifier, morph.FACTOR)] = value
-    modifier.id_data.update_tag()
-    bpy.context.view_layer.update()
 
 
 def fine_copy(obj):

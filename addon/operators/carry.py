@@ -5,9 +5,9 @@ from bpy.props import StringProperty
 from bpy.types import Operator
 
 from .. import core, mesh_write, pair
-from .. import job as job_module
 from ..mesh_read import UnusableObjectError
 from ..transfer import KINDS, TransferOptions, carry_all, checked
+from .step import Step, needs_matched
 
 
 class GivenOptions:
@@ -21,7 +21,7 @@ class GivenOptions:
         return getattr(self._operator if given else self._settings, name)
 
 
-class SPECTRAL_MATCH_OT_transfer(TransferOptions, Operator):
+class SPECTRAL_MATCH_OT_transfer(TransferOptions, Step, Operator):
     """Carry the checked data from the source to every matched target"""
 
     bl_idname = "spectral_match.transfer"
@@ -40,26 +40,13 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Operator):
         options={"SKIP_SAVE"},
     )
 
-    @classmethod
-    def poll(cls, context):
-        found = pair.resolve(context)
-        if job_module.current is not None:
-            cls.poll_message_set("A match is running. Wait for it, or press Esc to stop it")
-            return False
-        if not any(target.data.spectral_match.target_fingerprint for target in found.targets):
-            cls.poll_message_set("Nothing is matched yet. Press Match first")
-            return False
-        return True
+    obstacle = staticmethod(needs_matched)
 
-    def execute(self, context):
+    def act(self, context):
         found = pair.resolve(context)
         settings = context.scene.spectral_match
         options = GivenOptions(self, settings)
-        try:
-            chosen = self._choice(settings)
-        except UnusableObjectError as reason:
-            self.report({"ERROR"}, str(reason))
-            return {"CANCELLED"}
+        chosen = self._choice(settings)
         notes, carried = [], 0
         for target in found.targets:
             try:
@@ -69,10 +56,9 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Operator):
                 carried += 1
             except (UnusableObjectError, core.CoreMissingError) as reason:
                 notes.append(str(reason))
-        for words in notes:
-            self.report({"WARNING"} if carried else {"ERROR"}, words)
         if not carried:
-            return {"CANCELLED"}
+            return self.fail(" ".join(notes))
+        self.warn(notes)
         self.report({"INFO"}, f"Transferred to {carried} mesh{'es' if carried > 1 else ''}")
         return {"FINISHED"}
 
@@ -92,7 +78,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Operator):
         return lambda kind, name: kind.identifier in kinds or f"{kind.identifier}/{name}" in items
 
 
-class SPECTRAL_MATCH_OT_toggle_item(Operator):
+class SPECTRAL_MATCH_OT_toggle_item(Step, Operator):
     """Carry this over, or leave it behind"""
 
     bl_idname = "spectral_match.toggle_item"
@@ -101,7 +87,7 @@ class SPECTRAL_MATCH_OT_toggle_item(Operator):
 
     item: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
-    def execute(self, context):
+    def act(self, context):
         skipped = context.scene.spectral_match.skipped
         place = skipped.find(self.item)
         if place >= 0:

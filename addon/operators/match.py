@@ -137,6 +137,15 @@ class JobOperator(Step):
         return {"RUNNING_MODAL"}
 
     def modal(self, context, event):
+        try:
+            return self._follow(context, event)
+        except Exception:
+            # Blender shows it; the panel must not wait for a job that nobody follows any more.
+            self._job.cancel()
+            self._stop_watching(context)
+            raise
+
+    def _follow(self, context, event):
         if event.type == "ESC" and event.value == "PRESS":
             self._job.cancel()
             self._show_progress(context)

@@ -77,12 +77,14 @@ def _vertex_at(obj, depsgraph, place, face):
 
 
 class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
-    """Click a point on one mesh and the same point on the other; as many pairs as you like. The next match
-    keeps them together
-    """
+    """Click a point on one mesh and the same point on the other, as often as you like"""
 
     bl_idname = "spectral_match.pick_landmarks"
     bl_label = "Add Landmarks"
+    bl_description = (
+        "Click a point on one mesh and the same point on the other, as often as you like. The next match "
+        "takes the map that keeps them together"
+    )
     bl_options = {"INTERNAL"}
 
     @staticmethod
@@ -124,37 +126,44 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
             overlay.picking.first = None
             self._show(context)
             return {"RUNNING_MODAL"}
-        if event.value == "PRESS" and (event.type == "BACK_SPACE" or event.type == "Z" and event.ctrl):
+        if event.value == "PRESS" and (
+            event.type == "BACK_SPACE" or event.type == "Z" and (event.ctrl or event.oskey)
+        ):
             self._take_back(context)
             return {"RUNNING_MODAL"}
         if event.type in VIEW_KEYS or event.type.startswith(("NUMPAD_", "NDOF_")) or event.alt:
             return {"PASS_THROUGH"}
-        if event.type == "MOUSEMOVE" or (event.type == "LEFTMOUSE" and region):
-            result = self.attempt(self._point_at, context, found, region, event)
-            context.area.tag_redraw()
-            if event.type == "LEFTMOUSE" and result != {"CANCELLED"}:
-                return {"RUNNING_MODAL"}
-        return {"RUNNING_MODAL"} if region and event.type == "LEFTMOUSE" else {"PASS_THROUGH"}
+        if event.type == "LEFTMOUSE" and region is not None:
+            if event.value == "PRESS":
+                self.attempt(self._click, context, found, region, event)
+            return {"RUNNING_MODAL"}
+        if event.type == "MOUSEMOVE":
+            try:
+                overlay.picking.hovered = self._under(context, found, region, event)
+                self._show(context)
+            except UnusableObjectError as reason:
+                # Said where the pointer is; a click says it aloud.
+                overlay.picking.hovered = None
+                context.workspace.status_text_set(str(reason))
+        return {"PASS_THROUGH"}
 
     def cancel(self, context):
         self._end(context)
 
-    def _point_at(self, context, found, region, event):
-        state = overlay.picking
-        state.hovered = None
-        if region is not None:
-            pixel = (event.mouse_x - region.x, event.mouse_y - region.y)
-            state.hovered = hit(context, region, pixel, (found.source, *found.targets))
-            for area in context.window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.tag_redraw()
-        if event.type == "LEFTMOUSE" and event.value == "PRESS" and state.hovered is not None:
-            self._pick(context, found, state.hovered)
-        return {"RUNNING_MODAL"}
+    @staticmethod
+    def _under(context, found, region, event):
+        """The vertex under the pointer, or None."""
+        if region is None:
+            return None
+        pixel = (event.mouse_x - region.x, event.mouse_y - region.y)
+        return hit(context, region, pixel, (found.source, *found.targets))
 
-    def _pick(self, context, found, point):
+    def _click(self, context, found, region, event):
+        point = self._under(context, found, region, event)
+        if point is None:
+            return
         state = overlay.picking
-        ends = {p.object: p.vertex for p in (state.first, point) if p is not None}
+        ends = {p.object: p.vertex for p in (state.first, point) if p is not None and p.object is not None}
         targets = [obj for obj in ends if obj != found.source]
         if found.source in ends and targets:
             target = targets[0]
@@ -189,11 +198,13 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
 
     def _end(self, context):
         overlay.picking = None
-        context.window.cursor_modal_restore()
-        context.workspace.status_text_set(None)
-        for area in context.window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+        # There is no window any more when another file is being opened.
+        if context.window is not None:
+            context.window.cursor_modal_restore()
+            context.workspace.status_text_set(None)
+            for area in context.window.screen.areas:
+                if area.type == "VIEW_3D":
+                    area.tag_redraw()
         if self._added:
             self.report({"INFO"}, f"{self._added} landmark{'s' if self._added > 1 else ''} added")
         return {"FINISHED"}

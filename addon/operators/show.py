@@ -143,12 +143,14 @@ class SPECTRAL_MATCH_OT_show(Step, Operator):
 
 
 class SPECTRAL_MATCH_OT_lines(Step, Operator):
-    """Draw lines between sampled points of the target and their images on the source: blue where the match
-    is sure, yellow where it is not
-    """
+    """Draw lines between points spread over the target and their places on the source"""
 
     bl_idname = "spectral_match.lines"
     bl_label = "Lines"
+    bl_description = (
+        "Draw lines between points spread over the target and their places on the source: blue where the "
+        "match is sure, yellow where it is not"
+    )
     bl_options = {"INTERNAL"}
 
     @staticmethod
@@ -166,12 +168,14 @@ class SPECTRAL_MATCH_OT_lines(Step, Operator):
 
 
 class SPECTRAL_MATCH_OT_morph(Step, Operator):
-    """Give the target a Geometry Nodes modifier that moves every vertex to its place on the source, by a
-    factor; pressed again, take it away
-    """
+    """Move the target's vertices to their places on the source, by a factor"""
 
     bl_idname = "spectral_match.morph"
     bl_label = "Morph"
+    bl_description = (
+        "Give the target a Geometry Nodes modifier that moves every vertex to its place on the source, by a "
+        "factor. Pressed again, take it away"
+    )
     bl_options = {"UNDO"}
 
     obstacle = staticmethod(needs_matched)

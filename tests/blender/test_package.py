@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The built zip in a Blender with an empty user folder, where no other core can be imported."""
 
+import importlib.util
 import os
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
@@ -69,6 +71,34 @@ def test_zip_holds_the_addon_and_one_wheel(extension):
     assert len(wheels) == 1 and "abi3" in wheels[0]
     assert not [name for name in names if "__pycache__" in name or "numpy" in name]
     assert {"LICENSE", "THIRD_PARTY_NOTICES.txt"} <= set(names)
+
+
+def test_website_of_a_release_is_where_the_manual_is(tmp_path, monkeypatch):
+    spec = importlib.util.spec_from_file_location("build_extension", ROOT / ".ci" / "build_extension.py")
+    build_extension = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(build_extension)
+    wheel = tmp_path / "sgmds-0.1.0-cp311-abi3-manylinux_2_28_x86_64.whl"
+    for website in (None, "https://example.org/manual/"):
+        manifest = tomllib.loads(build_extension.manifest_for(wheel, website))
+        assert manifest.get("website") == website
+        assert manifest["platforms"] == ["linux-x64"] and set(manifest["permissions"]) == {"files"}
+
+
+def test_manual_has_a_page_for_every_button():
+    from addon import manual
+    from addon.operators import CLASSES
+
+    pages = {path.stem for path in (ROOT / "docs" / "manual").glob("*.md")}
+    assert set(manual.PAGES) <= pages
+    known = {name for names in manual.PAGES.values() for name in names}
+    # Those that are for scripts, or explain themselves.
+    silent = {"add_landmark", "dismiss"}
+    buttons = {
+        cls.bl_idname.partition(".")[2]
+        for cls in CLASSES
+        if hasattr(cls, "bl_idname") and "." in cls.bl_idname
+    }
+    assert buttons - silent == known
 
 
 def test_zip_works_in_an_empty_user_folder(extension, tmp_path):

@@ -87,3 +87,31 @@ def test_second_match_prepares_nothing(pair, made):
     assert len(made) == 2
     bpy.ops.spectral_match.match()
     assert len(made) == 2
+
+
+def explained(properties, own):
+    """Names of properties without a tooltip worth reading."""
+    return [
+        name
+        for name, found in properties.items()
+        if name in own and (len(found.description.split()) < 3 or found.description == found.name)
+    ]
+
+
+def test_everything_that_can_be_pressed_explains_itself(registered):
+    from addon.operators import CLASSES
+    from addon.preferences import SPECTRAL_MATCH_preferences
+    from addon.properties import SPECTRAL_MATCH_PG_settings
+
+    for cls in CLASSES:
+        if not issubclass(cls, bpy.types.Operator):
+            continue
+        module, name = cls.bl_idname.split(".")
+        rna = getattr(getattr(bpy.ops, module), name).get_rna_type()
+        assert len(rna.description.split()) > 2 or cls.bl_label == "Dismiss", cls.bl_idname
+        assert "\n" not in rna.description, cls.bl_idname
+    for cls in (SPECTRAL_MATCH_PG_settings, SPECTRAL_MATCH_preferences):
+        own = {name for base in cls.__mro__ for name in getattr(base, "__annotations__", ())}
+        # Objects and lists are not buttons of their own.
+        own -= {"skipped", "landmarks"}
+        assert not explained(cls.bl_rna.properties, own)

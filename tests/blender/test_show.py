@@ -73,9 +73,7 @@ def shown(obj):
 
 
 def set_input(obj, name, value):
-    modifier = morph.modifier_of(obj)
-    modifier[morph.input_of(modifier, name)] = value
-    obj.update_tag()
+    morph.set_value(morph.modifier_of(obj), name, value)
     bpy.context.view_layer.update()
 
 
