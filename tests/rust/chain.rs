@@ -5,16 +5,15 @@ mod common;
 use std::sync::Arc;
 
 use sgmds_core::Error;
-use sgmds_core::map_search::Shares;
 use sgmds_core::matching::{Correspondence, Method, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
 use sgmds_core::metric::Metric;
-use sgmds_core::pointwise_map::{SurfacePoint, dirichlet_energy};
+use sgmds_core::pair::{Mirror, Shares};
 use sgmds_core::progress::Progress;
-use sgmds_core::selection::Mirror;
+use sgmds_core::quality::{Grade, graded};
 use sgmds_core::shape::Shape;
 
-use common::{Point, disguised, length, lumpy, sub};
+use common::{Point, disguised, icosphere, length, lumpy, sub};
 
 fn prepared(vertices: &[Point], faces: &[[i64; 3]]) -> Arc<Shape> {
     let progress = Progress::default();
@@ -207,23 +206,105 @@ fn a_part_finds_its_place_on_the_whole() {
     assert!(error < 0.06, "{error}");
 }
 
-#[test]
-fn dirichlet_energy_of_the_identity_is_two() {
-    let source = lumpy(3);
-    let shape = prepared(&source.0, &source.1);
-    let corner_of = |v: usize| {
-        let face = shape.vertex_faces.row(v)[0];
-        let corner = shape.mesh.faces[face as usize]
+/// An ellipsoid with three different axes: half turns about them are its only direct symmetries.
+fn ellipsoid() -> (Vec<Point>, Vec<[i64; 3]>) {
+    let (vertices, faces) = icosphere(4);
+    let stretched = vertices.iter().map(|p| [p[0], 1.5 * p[1], 0.6 * p[2]]);
+    (stretched.collect(), faces)
+}
+
+/// Signs of the coordinates after no turn and after half a turn about each axis.
+const HALF_TURNS: [Point; 4] = [
+    [1.0, 1.0, 1.0],
+    [1.0, -1.0, -1.0],
+    [-1.0, 1.0, -1.0],
+    [-1.0, -1.0, 1.0],
+];
+
+fn turned(point: Point, signs: Point) -> Point {
+    [0, 1, 2].map(|c| signs[c] * point[c])
+}
+
+/// Number of the vertex at each vertex's place after a turn that is a symmetry.
+fn permutation(vertices: &[Point], signs: Point) -> Vec<usize> {
+    let find = |p: &Point| {
+        let place = turned(*p, signs);
+        vertices
             .iter()
-            .position(|&c| c as usize == v);
-        let mut weights = [0.0; 3];
-        weights[corner.unwrap()] = 1.0;
-        SurfacePoint { face, weights }
+            .position(|q| length(sub(*q, place)) < 1e-9)
+            .unwrap()
     };
-    let points: Vec<SurfacePoint> = (0..shape.mesh.vertices.len()).map(corner_of).collect();
-    // |∇x|² of the position is 2 everywhere on a surface, of a plane triangle too.
-    let energy = dirichlet_energy(&shape, &shape, &points);
-    assert!((energy - 2.0).abs() < 1e-9, "{energy}");
+    vertices.iter().map(find).collect()
+}
+
+#[test]
+fn three_landmarks_choose_among_equal_maps_and_are_met_exactly() {
+    let source = ellipsoid();
+    let shape = prepared(&source.0, &source.1);
+    for signs in HALF_TURNS {
+        let wanted = permutation(&source.0, signs);
+        let landmarks: Vec<(u32, u32)> = [3, 700, 1500]
+            .map(|v: u32| (wanted[v as usize] as u32, v))
+            .to_vec();
+        let options = Options {
+            landmarks: landmarks.clone(),
+            ..Options::default()
+        };
+        let map = found(&shape, &shape, &options);
+        for (s, t) in landmarks {
+            assert_eq!(map.vertices[t as usize], s);
+        }
+        let error = mean_error(&map, &source, &wanted);
+        // Half an edge; the other maps are off by half the body.
+        assert!(error < 0.02, "{signs:?}: {error}");
+    }
+}
+
+#[test]
+fn common_axes_choose_among_equal_maps() {
+    let source = ellipsoid();
+    let shape = prepared(&source.0, &source.1);
+    for signs in HALF_TURNS {
+        let vertices: Vec<Point> = source.0.iter().map(|&p| turned(p, signs)).collect();
+        let target = prepared(&vertices, &source.1);
+        let options = Options {
+            same_axes: true,
+            ..Options::default()
+        };
+        let map = found(&shape, &target, &options);
+        let error = mean_error(&map, &source, &permutation(&source.0, signs));
+        assert!(error < 0.02, "{signs:?}: {error}");
+    }
+}
+
+#[test]
+fn where_many_maps_are_equal_none_is_graded_green() {
+    let round = icosphere(4);
+    for (vertices, faces) in [ellipsoid(), round] {
+        let shape = prepared(&vertices, &faces);
+        let map = found(&shape, &shape, &Options::default());
+        let (grade, reasons) = graded(&map.figures.unwrap(), map.shares);
+        assert_ne!(grade, Grade::Green, "{reasons:?}");
+        assert!(
+            reasons.iter().any(|r| r.contains("other maps")),
+            "{reasons:?}"
+        );
+    }
+}
+
+#[test]
+fn a_mirror_image_is_said_to_look_like_one() {
+    let source = lumpy(4);
+    let mirrored: Vec<Point> = source.0.iter().map(|p| [-p[0], p[1], p[2]]).collect();
+    let wound: Vec<[i64; 3]> = source.1.iter().map(|&[a, b, c]| [a, c, b]).collect();
+    let (a, b) = (prepared(&source.0, &source.1), prepared(&mirrored, &wound));
+    let map = found(&a, &b, &Options::default());
+    let (grade, reasons) = graded(&map.figures.unwrap(), map.shares);
+    assert_ne!(grade, Grade::Green, "{reasons:?}");
+    assert!(
+        reasons.iter().any(|r| r.contains("mirror image")),
+        "{reasons:?}"
+    );
 }
 
 #[test]

@@ -16,14 +16,21 @@ const WEIGHT_FLOOR: f64 = 1e-6;
 /// Local distortion at which confidence falls to 1/e.
 const TOLERATED: f64 = 0.04;
 
-/// Confidence in [0, 1] for each target vertex: how well distances to nearby samples are kept.
+/// Confidence in [0, 1] of a local distortion δ: exp(−(δ/0.04)²).
 ///
-/// `images` is the source vertex of each target vertex. exp(−(δ/0.04)²), δ the mean change of
-/// the distances to 80 samples, near ones weighing most. It cannot see a wholly wrong map.
+/// It cannot see a wholly wrong map.
+#[must_use]
+pub fn confidence(distortion: f64) -> f64 {
+    (-(distortion / TOLERATED).powi(2)).exp()
+}
+
+/// Mean change δ of the distances to 80 samples, near ones weighing most, for each target vertex.
+///
+/// `images` is the source vertex of each target vertex. Lengths at unit area.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub fn confidence(
+pub fn local_distortion(
     target: &Shape,
     source: &Shape,
     images: &[u32],
@@ -48,7 +55,7 @@ pub fn confidence(
                 sum += weight * (here - there).abs();
                 total += weight;
             }
-            (-(sum / total / TOLERATED).powi(2)).exp()
+            sum / total
         })
         .collect())
 }

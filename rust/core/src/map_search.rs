@@ -11,8 +11,10 @@ use rayon::prelude::*;
 use crate::dense;
 use crate::distance_operator;
 use crate::error::{Error, Result};
+use crate::hints::Which;
 use crate::nearest::lowest;
 use crate::orientation::{TangentGradients, better_signs, orientation, shares};
+use crate::pair::{Pair, Shares};
 use crate::progress::Progress;
 use crate::shape::Shape;
 
@@ -49,42 +51,6 @@ const ORIENTATION_OFFSET: f64 = 1.2;
 /// Maps closer than this are the same.
 const SAME: f64 = 0.03;
 
-/// How much each shape's questions to the other count in fits and energies.
-///
-/// Between whole shapes both count alike. When one is a part of the other only its own points have
-/// an answer, and only they are asked.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Shares {
-    /// Weight of target points asking the source.
-    pub target: f64,
-    /// Weight of source points asking the target.
-    pub source: f64,
-}
-
-impl Shares {
-    /// Two whole shapes.
-    pub const BOTH: Self = Self {
-        target: 1.0,
-        source: 1.0,
-    };
-    /// The target is a part of the source.
-    pub const TARGET_IS_PART: Self = Self {
-        target: 2.0,
-        source: 0.0,
-    };
-    /// The source is a part of the target.
-    pub const SOURCE_IS_PART: Self = Self {
-        target: 0.0,
-        source: 2.0,
-    };
-
-    /// Mean of what the target's and the source's points give.
-    #[must_use]
-    pub fn mean(self, by_target: f64, by_source: f64) -> f64 {
-        f64::midpoint(self.target * by_target, self.source * by_source)
-    }
-}
-
 /// How wide to search.
 #[derive(Debug, Clone, Copy)]
 pub struct Width {
@@ -92,6 +58,17 @@ pub struct Width {
     pub first: usize,
     /// Candidates kept afterwards.
     pub beam: usize,
+}
+
+impl Width {
+    /// For pairs where the usual width finds nothing convincing.
+    #[must_use]
+    pub fn wide() -> Self {
+        Self {
+            first: 96,
+            beam: 40,
+        }
+    }
 }
 
 impl Default for Width {
@@ -123,11 +100,7 @@ pub struct Candidate {
 /// Everything of a pair that the search reads, on the samples only.
 #[derive(Debug)]
 pub struct SampledPair<'a> {
-    /// The shape whose points are asked for.
-    pub target: &'a Shape,
-    /// The shape that answers.
-    pub source: &'a Shape,
-    shares: Shares,
+    pair: Pair<'a>,
     side_target: Sampled,
     side_source: Sampled,
 }
@@ -150,13 +123,11 @@ struct Sampled {
 impl<'a> SampledPair<'a> {
     /// Gathers the samples of both shapes.
     #[must_use]
-    pub fn new(target: &'a Shape, source: &'a Shape, shares: Shares) -> Self {
+    pub fn new(pair: Pair<'a>) -> Self {
         Self {
-            shares,
-            target,
-            source,
-            side_target: Sampled::new(target, source),
-            side_source: Sampled::new(source, target),
+            pair,
+            side_target: Sampled::new(&pair, Which::Target),
+            side_source: Sampled::new(&pair, Which::Source),
         }
     }
 
@@ -209,8 +180,8 @@ impl<'a> SampledPair<'a> {
     /// The best sign patterns as candidates.
     fn sign_seeds(&self, size: usize) -> Vec<Candidate> {
         let mut seeds = sign_patterns(
-            self.target.distance_operator.as_ref(),
-            self.source.distance_operator.as_ref(),
+            self.pair.target.distance_operator.as_ref(),
+            self.pair.source.distance_operator.as_ref(),
             size,
             true,
         );
@@ -233,8 +204,8 @@ impl<'a> SampledPair<'a> {
             Some(dense::product(side.basis.get(.., 1..k), scaled.as_ref()))
         };
         let (Some(target), Some(source)) = (
-            coordinates(self.target, &self.side_target),
-            coordinates(self.source, &self.side_source),
+            coordinates(self.pair.target, &self.side_target),
+            coordinates(self.pair.source, &self.side_source),
         ) else {
             return Vec::new();
         };
@@ -320,7 +291,7 @@ impl<'a> SampledPair<'a> {
             self.side_source.basis.as_ref(),
             &candidate.on_source,
             &candidate.on_target,
-            self.shares,
+            self.pair.shares,
             k,
         )?;
         Ok(self.judged(matrix))
@@ -341,7 +312,7 @@ impl<'a> SampledPair<'a> {
     /// Whether the last two of k eigenvalues are so close on either shape that their functions may
     /// come mixed: then a reflection of the surface is no longer a change of one sign.
     fn nearly_double(&self, k: usize) -> bool {
-        [self.target, self.source]
+        [self.pair.target, self.pair.source]
             .iter()
             .any(|s| s.basis.values[k - 1] < NEARLY_DOUBLE * s.basis.values[k - 2])
     }
@@ -372,11 +343,11 @@ impl<'a> SampledPair<'a> {
     /// Root mean square change of distances between samples, times the root of the mean
     /// descriptor mismatch.
     fn energy(&self, on_source: &[u32], on_target: &[u32]) -> f64 {
-        let distortion = self.shares.mean(
+        let distortion = self.pair.shares.mean(
             self.side_source.distortion(on_source, &self.side_target),
             self.side_target.distortion(on_target, &self.side_source),
         );
-        let mismatch = self.shares.mean(
+        let mismatch = self.pair.shares.mean(
             self.side_source.mean_mismatch(on_source),
             self.side_target.mean_mismatch(on_target),
         );
@@ -424,7 +395,14 @@ impl<'a> SampledPair<'a> {
 }
 
 impl Sampled {
-    fn new(own: &Shape, other: &Shape) -> Self {
+    fn new(pair: &Pair<'_>, which: Which) -> Self {
+        let (target, source) = (pair.target, pair.source);
+        let (own, other, opposite) = match which {
+            Which::Target => (target, source, Which::Source),
+            Which::Source => (source, target, Which::Target),
+        };
+        let known = pair.hints.in_search(which, own, &own.farthest);
+        let asked = pair.hints.in_search(opposite, other, &other.farthest);
         let at = |shape: &Shape| shape.descriptors.rows.gather(&shape.farthest);
         let (mine, theirs) = (at(own), at(other));
         let asking = |shape: &Shape| ASKING.min(shape.farthest.len());
@@ -450,8 +428,15 @@ impl Sampled {
                     .map(|(x, y)| (x - y) * (x - y))
                     .sum();
                 let bend = a[waves] - b[waves];
-                fixed[(i, j)] = DESCRIPTOR_WEIGHT * DESCRIPTOR_WEIGHT * (wave + bend * bend);
-                mismatch[(i, j)] = wave.sqrt() + bend.abs();
+                let hinted: f32 = known
+                    .col_as_slice(i)
+                    .iter()
+                    .zip(asked.col_as_slice(j))
+                    .map(|(x, y)| (x - y) * (x - y))
+                    .sum();
+                fixed[(i, j)] =
+                    DESCRIPTOR_WEIGHT * DESCRIPTOR_WEIGHT * (wave + bend * bend) + hinted;
+                mismatch[(i, j)] = wave.sqrt() + bend.abs() + hinted.sqrt();
             }
         }
         Self {

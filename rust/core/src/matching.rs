@@ -6,20 +6,24 @@ use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
 use crate::baselines::{Convergence, Embedding, functional_map, gmds};
-use crate::confidence::confidence;
+use crate::confidence::{confidence, local_distortion};
 use crate::dense::{self, Rows};
+use crate::descriptors::DETAIL_CURVATURES;
 use crate::distance_operator;
 use crate::error::{Error, Result};
-use crate::map_search::{self, SampledPair, Shares, Width};
+use crate::hints::Hints;
+use crate::map_search::{self, SampledPair, Width};
 use crate::nearest::nearest;
+use crate::pair::{Mirror, Pair, Shares};
 use crate::pointwise_map::{self, SurfacePoint};
 use crate::progress::Progress;
-use crate::quality::{self, Grade};
+use crate::quality;
 use crate::refinement::embedded_surface::{self, Refined, Side};
-use crate::selection::{self, Figures, Mirror};
+use crate::selection::{self, Figures, Hypothesis};
 use crate::shape::Shape;
 use crate::space_tree::SpaceTree;
 use crate::spectral_gmds::{self, Objective, Weights};
+use crate::vector;
 
 /// Eigenfunctions of the paper's map.
 const PAPER_SIZE: usize = 30;
@@ -31,9 +35,12 @@ const FUNCTIONAL_MAP_RIDGE: f64 = 1e-3;
 /// A map between a part and a whole is taken when its rank is below this times that of the map
 /// between wholes: right ones reach 0.5 to 0.78, on whole shapes they stay above 0.95.
 const PART_FITS_BETTER: f64 = 0.8;
-/// Close maps whose images lie nearer than this on average differ in some part only; then the
-/// tear around that part shows which is wrong.
-const MOSTLY_SAME: f64 = 0.15;
+/// Two images of a vertex that are farther apart than this are different.
+const ELSEWHERE: f64 = 0.05;
+/// Close maps that differ on at most this share of the target are compared on that part.
+const PART_AT_MOST: f64 = 0.5;
+/// Added to the power of weighted curvatures: that of a sphere's sampling noise.
+const CURVATURE_FLOOR: f64 = 1e-5;
 /// Close hypotheses completed at most.
 const MOST_COMPLETED: usize = 3;
 
@@ -61,6 +68,8 @@ pub struct Options {
     pub shares: Option<Shares>,
     /// Pairs (source vertex, target vertex) in given numbering.
     pub landmarks: Vec<(u32, u32)>,
+    /// Whether left, front and up are the same directions on both shapes.
+    pub same_axes: bool,
 }
 
 impl Default for Options {
@@ -70,19 +79,9 @@ impl Default for Options {
             mirror: Mirror::Forbid,
             shares: None,
             landmarks: Vec::new(),
+            same_axes: false,
         }
     }
-}
-
-/// A map that may be the right one, before its final refinement.
-#[derive(Debug, Clone)]
-pub struct Hypothesis {
-    /// `(60, 60)` map, target coefficients → source coefficients.
-    pub matrix: Mat<f64>,
-    /// Its figures in the vote.
-    pub figures: Figures,
-    /// Which shape is a part of the other.
-    pub shares: Shares,
 }
 
 /// A dense map in given numbering: for every target vertex a point of the source.
@@ -108,6 +107,8 @@ pub struct Correspondence {
     pub unmatched: usize,
     /// Other maps that stood in the vote, best first.
     pub others: Vec<Hypothesis>,
+    /// What was known of the map.
+    pub hints: Arc<Hints>,
 }
 
 /// Finds the map.
@@ -147,47 +148,59 @@ pub fn match_shapes(
         }
         Method::Auto => {
             let landmarks = checked_landmarks(source, target, &options.landmarks)?;
-            let hypotheses = match options.shares {
-                Some(shares) => {
-                    let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
-                    hypotheses(
-                        source, target, shares, options, &landmarks, progress, &stage,
-                    )?
-                }
-                None => whole_or_part(source, target, options, &landmarks, progress, report)?,
+            report("landmarks", 0.0)?;
+            let hints = Arc::new(Hints::new(
+                target,
+                source,
+                landmarks,
+                options.same_axes,
+                progress,
+            )?);
+            let pair = Pair {
+                target,
+                source,
+                shares: options.shares.unwrap_or(Shares::BOTH),
+                mirror: options.mirror,
+                hints: &hints,
             };
-            clearest(source, target, hypotheses, progress, &|s, f| {
+            let hypotheses = if options.shares.is_some() {
+                let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
+                hypotheses(&pair, Width::default(), progress, &stage)?
+            } else {
+                whole_or_part(&pair, progress, report)?
+            };
+            let mut found = clearest(&pair, hypotheses, progress, &|s, f| {
                 report(s, 0.6 + 0.4 * f)
-            })
+            })?;
+            found.hints = Arc::clone(&hints);
+            Ok(found)
         }
     }
 }
 
-/// Hypotheses for two whole shapes; when they are poor also for either being a part of the other,
-/// which must then fit clearly better, since half as many questions are easier to answer well.
+/// Hypotheses for two whole shapes. When they are poor, also for either being a part of the other,
+/// which must then fit clearly better, since half as many questions are easier to answer well; and
+/// when these are no better, once more for whole shapes by a wider search.
 fn whole_or_part(
-    source: &Shape,
-    target: &Shape,
-    options: &Options,
-    landmarks: &[(u32, u32)],
+    pair: &Pair<'_>,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
-    let search = |shares: Shares, from: f64, to: f64| {
+    let search = |shares: Shares, width: Width, (from, to): (f64, f64)| {
         let stage = |s: &'static str, f: f64| report(s, from + (to - from) * f);
-        hypotheses(source, target, shares, options, landmarks, progress, &stage)
+        hypotheses(&Pair { shares, ..*pair }, width, progress, &stage)
     };
-    let mut best = search(Shares::BOTH, 0.0, 0.4)?;
+    let mut best = search(Shares::BOTH, Width::default(), (0.0, 0.3))?;
     let whole = best[0].figures;
-    if quality::graded(&whole, Shares::BOTH).0 != Grade::Red {
+    if !quality::doubtful(&whole) {
         return Ok(best);
     }
     let mut bound = PART_FITS_BETTER * whole.rank();
-    for (shares, from, to) in [
-        (Shares::TARGET_IS_PART, 0.4, 0.5),
-        (Shares::SOURCE_IS_PART, 0.5, 0.6),
+    for (shares, within) in [
+        (Shares::TARGET_IS_PART, (0.3, 0.4)),
+        (Shares::SOURCE_IS_PART, (0.4, 0.5)),
     ] {
-        let mut part = match search(shares, from, to) {
+        let mut part = match search(shares, Width::default(), within) {
             Err(Error::NoMap { .. }) => continue,
             found => found?,
         };
@@ -197,75 +210,115 @@ fn whole_or_part(
             best = part;
         }
     }
+    if best[0].shares == Shares::BOTH {
+        let wide = search(Shares::BOTH, Width::wide(), (0.5, 0.6))?;
+        if wide[0].figures.rank() < best[0].figures.rank() {
+            best = wide;
+        }
+    }
     Ok(best)
 }
 
 /// Plausible maps, best first.
 fn hypotheses(
-    source: &Shape,
-    target: &Shape,
-    shares: Shares,
-    options: &Options,
-    landmarks: &[(u32, u32)],
+    pair: &Pair<'_>,
+    width: Width,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
     report("search", 0.0)?;
-    let candidates = SampledPair::new(target, source, shares).search(Width::default(), progress)?;
+    let candidates = SampledPair::new(*pair).search(width, progress)?;
     report("selection", 0.5)?;
-    let voted = selection::vote(
-        target,
-        source,
-        &candidates,
-        options.mirror,
-        shares,
-        landmarks,
-        &|f| report("selection", 0.5 + 0.5 * f),
-    )?;
-    Ok(voted
-        .into_iter()
-        .map(|v| Hypothesis {
-            matrix: v.matrix,
-            figures: v.figures,
-            shares,
-        })
-        .collect())
+    selection::vote(pair, &candidates, &|f| report("selection", 0.5 + 0.5 * f))
 }
 
 /// The best hypothesis completed. Close ones are all completed and ranked anew by their refined
-/// maps, those that differ from the best in a part only also by how much they tear; the others are
+/// maps; those that differ from the best in a part only are compared on that part. The others are
 /// kept as alternatives.
 fn clearest(
-    source: &Shape,
-    target: &Shape,
+    pair: &Pair<'_>,
     mut hypotheses: Vec<Hypothesis>,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
-    let close = selection::rivals(&hypotheses, |h| &h.figures).min(MOST_COMPLETED);
+    let close = selection::rivals(&hypotheses).min(MOST_COMPLETED);
     let mut completed: Vec<Completed> = hypotheses[..close]
         .par_iter()
-        .map(|h| completed_and_ranked(source, target, h, progress, report))
+        .map(|h| completed_and_ranked(pair, h, progress, report))
         .collect::<Result<_>>()?;
-    let lowest = |key: &dyn Fn(&Completed) -> f64| {
-        (0..completed.len()).min_by(|&i, &j| key(&completed[i]).total_cmp(&key(&completed[j])))
-    };
-    let first = lowest(&|c| c.rank).ok_or(Error::NoMap {
-        reason: "no candidate stood in the vote".into(),
-    })?;
-    let best = lowest(&|c| {
-        let apart = source.mean_spectral_distance(&c.images, &completed[first].images);
-        if apart < MOSTLY_SAME {
-            c.rank * c.dirichlet
+    let first = (0..close)
+        .min_by(|&i, &j| completed[i].rank.total_cmp(&completed[j].rank))
+        .ok_or(Error::NoMap {
+            reason: "no candidate stood in the vote".into(),
+        })?;
+    let best = (0..close).fold(first, |best, other| {
+        if other != best && fits_better_where_it_differs(pair, &completed[other], &completed[best])
+        {
+            other
         } else {
-            f64::INFINITY
+            best
         }
-    })
-    .unwrap_or(first);
+    });
+    selection::compare_with_chosen(pair.source, best, &mut hypotheses);
     let mut found = completed.swap_remove(best).found;
-    hypotheses.remove(best);
+    let chosen = hypotheses.remove(best);
+    found.figures = found.figures.map(|own| Figures {
+        agreement: own.agreement,
+        ..chosen.figures
+    });
     found.others = hypotheses;
     Ok(found)
+}
+
+/// Whether a map that differs from another in some part of the target keeps distances and
+/// curvatures better on that part. Over the whole surface a turned leg changes both by little.
+fn fits_better_where_it_differs(pair: &Pair<'_>, map: &Completed, other: &Completed) -> bool {
+    let (target, source) = (pair.target, pair.source);
+    let at = |images: &[u32], v: usize| source.mesh.vertices[images[v] as usize];
+    let differs = |v: usize| {
+        let apart = vector::sub(at(&map.images, v), at(&other.images, v));
+        vector::norm(apart) > ELSEWHERE
+    };
+    let part: Vec<usize> = (0..target.mesh.surface_vertices)
+        .filter(|&v| differs(v))
+        .collect();
+    let share: f64 = part.iter().map(|&v| target.mass[v]).sum();
+    if part.is_empty() || share > PART_AT_MOST {
+        return false;
+    }
+    let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
+        let sum: f64 = part.iter().map(|&v| target.mass[v] * value(v)).sum();
+        sum / share
+    };
+    let misfit = |c: &Completed| -> f64 {
+        let distances = mean(&|v| c.distortion[v].powi(2)).sqrt();
+        let (own, there) = (&target.descriptors.detail, &source.descriptors.detail);
+        (0..DETAIL_CURVATURES).fold(distances, |product, scale| {
+            let bend = |v: usize| (own[(v, scale)] - there[(c.images[v] as usize, scale)]).abs();
+            product * mean(&|v| f64::from(bend(v)))
+        })
+    };
+    misfit(map) < misfit(other)
+}
+
+/// Mean correlation over the smoothing scales between the target's curvature and the source's at
+/// the images of its vertices; 0 for shapes without features.
+fn curvature_agreement(target: &Shape, source: &Shape, images: &[u32]) -> f64 {
+    let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
+        let weighted = |v: usize| target.mass[v] * value(v);
+        (0..target.mesh.surface_vertices).map(weighted).sum()
+    };
+    let (own, there) = (&target.descriptors.detail, &source.descriptors.detail);
+    let correlation = |scale: usize| {
+        let here = |v: usize| f64::from(own[(v, scale)]);
+        let image = |v: usize| f64::from(there[(images[v] as usize, scale)]);
+        let (mean_here, mean_image) = (mean(&here), mean(&image));
+        let covariance = mean(&|v| (here(v) - mean_here) * (image(v) - mean_image));
+        let power_here = mean(&|v| (here(v) - mean_here).powi(2));
+        let power_image = mean(&|v| (image(v) - mean_image).powi(2));
+        covariance / ((power_here * power_image).sqrt() + CURVATURE_FLOOR)
+    };
+    (0..DETAIL_CURVATURES).map(correlation).sum::<f64>() / DETAIL_CURVATURES as f64
 }
 
 /// Final refinement and dense map of a hypothesis.
@@ -275,11 +328,21 @@ fn clearest(
 pub fn completed(
     source: &Shape,
     target: &Shape,
+    hints: &Arc<Hints>,
     hypothesis: &Hypothesis,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
-    completed_and_ranked(source, target, hypothesis, progress, report).map(|c| c.found)
+    let pair = Pair {
+        target,
+        source,
+        shares: hypothesis.shares,
+        mirror: Mirror::Allow,
+        hints,
+    };
+    let mut found = completed_and_ranked(&pair, hypothesis, progress, report)?.found;
+    found.hints = Arc::clone(hints);
+    Ok(found)
 }
 
 /// A completed map with what decides between close ones.
@@ -287,24 +350,26 @@ struct Completed {
     found: Correspondence,
     /// Rank of the refined map.
     rank: f64,
-    /// Dirichlet energy of the carried positions.
-    dirichlet: f64,
-    /// Source vertices of the target's judging samples.
+    /// Local distortion at each target vertex.
+    distortion: Vec<f64>,
+    /// Source vertex of each target vertex.
     images: Vec<u32>,
 }
 
 fn completed_and_ranked(
-    source: &Shape,
-    target: &Shape,
+    pair: &Pair<'_>,
     hypothesis: &Hypothesis,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Completed> {
+    let pair = &Pair {
+        shares: hypothesis.shares,
+        ..*pair
+    };
+    let (target, source) = (pair.target, pair.source);
     let state = embedded_surface::refined(
-        target,
-        source,
+        pair,
         hypothesis.matrix.as_ref(),
-        hypothesis.shares,
         embedded_surface::FULL,
         &|f| report("refinement", 0.9 * f),
     )?;
@@ -314,14 +379,18 @@ fn completed_and_ranked(
         source: answering,
         ..
     } = &state;
-    let (points, mut found) = dense_map(
+    let (distortion, mut found) = dense_map(
         source,
         target,
         (&asking.rows, &asking.images.vertex),
         (&answering.rows, &answering.images.vertex),
+        &pair.hints.landmarks,
         progress,
     )?;
-    found.figures = Some(hypothesis.figures);
+    found.figures = Some(Figures {
+        agreement: curvature_agreement(target, source, &asking.images.vertex),
+        ..hypothesis.figures
+    });
     found.shares = hypothesis.shares;
     let images = |side: &Side<'_>| -> Vec<u32> {
         selection::judging(side.shape())
@@ -330,18 +399,17 @@ fn completed_and_ranked(
             .collect()
     };
     let on_source = images(asking);
-    let refined = selection::figures(
-        target,
-        source,
+    let mut refined = selection::figures(
+        pair,
         hypothesis.matrix.as_ref(),
-        hypothesis.shares,
         &on_source,
         &images(answering),
     );
+    refined.contradiction = hypothesis.figures.contradiction;
     Ok(Completed {
         rank: refined.rank(),
-        dirichlet: pointwise_map::dirichlet_energy(target, source, &points),
-        images: on_source,
+        distortion,
+        images: asking.images.vertex.clone(),
         found,
     })
 }
@@ -421,27 +489,33 @@ fn embedded(
             &embedding.source,
             &images(source, &embedding.source, target, &embedding.target),
         ),
+        &[],
         progress,
     )?;
     found.convergence = Some(embedding.convergence);
     Ok(found)
 }
 
-/// Points, confidence and functional map from two embeddings and the vertex maps between them.
+/// The map with confidence and functional map, and its local distortion at each target vertex, from two embeddings and the vertex maps between them.
 fn dense_map(
     source: &Shape,
     target: &Shape,
     (target_rows, on_source): (&Rows, &[u32]),
     (source_rows, on_target): (&Rows, &[u32]),
+    landmarks: &[(u32, u32)],
     progress: &Progress,
-) -> Result<(Vec<SurfacePoint>, Correspondence)> {
+) -> Result<(Vec<f64>, Correspondence)> {
     let images = &on_source[..target.mesh.surface_vertices];
     let back = &on_target[..source.mesh.surface_vertices];
-    let points = pointwise_map::projected(target_rows, source_rows, images, source);
-    let trust = confidence(target, source, images, progress)?;
+    let mut points = pointwise_map::projected(target_rows, source_rows, images, source);
+    for &(known, asking) in landmarks {
+        points[asking as usize] = SurfacePoint::at_vertex(source, known);
+    }
+    let distortion = local_distortion(target, source, images, progress)?;
+    let trust: Vec<f64> = distortion.iter().map(|&d| confidence(d)).collect();
     let functional_map = functional_map(source, target, images, back)?;
     let found = in_given_numbering(source, target, &points, &trust, functional_map);
-    Ok((points, found))
+    Ok((distortion, found))
 }
 
 /// α with Φₜ α ≈ Φₛ at matched points of both vertex maps, weighted by area; in given units a
@@ -528,6 +602,7 @@ fn in_given_numbering(
         convergence: None,
         unmatched: 0,
         others: Vec::new(),
+        hints: Arc::default(),
     };
     for (v, own) in checked.into_iter().enumerate() {
         let (i, certainty) = if let Some(i) = own {

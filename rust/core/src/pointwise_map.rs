@@ -5,7 +5,6 @@ use rayon::prelude::*;
 use crate::dense::Rows;
 use crate::refinement::propagation::squared_distance;
 use crate::shape::Shape;
-use crate::vector::{self, Point};
 
 /// Triangles around the nearest vertex and this many of its nearest neighbours are tried.
 const NEIGHBOURS_TRIED: usize = 3;
@@ -20,37 +19,16 @@ pub struct SurfacePoint {
 }
 
 impl SurfacePoint {
-    /// Where the point lies in space.
+    /// A vertex of the surface as a point of one of its triangles.
     #[must_use]
-    pub fn position(&self, shape: &Shape) -> Point {
-        let corners = shape.mesh.faces[self.face as usize];
-        (0..3).fold([0.0; 3], |sum, c| {
-            let corner = shape.mesh.vertices[corners[c] as usize];
-            vector::add(sum, vector::scaled(corner, self.weights[c]))
-        })
-    }
-}
-
-/// Dirichlet energy ∫|∇y|² of the carried source positions y over the target, both at unit area.
-///
-/// 2 for an isometry; a map that tears somewhere pays for it. `points` are the images of the
-/// target's surface vertices.
-#[must_use]
-pub fn dirichlet_energy(target: &Shape, source: &Shape, points: &[SurfacePoint]) -> f64 {
-    let images: Vec<Point> = points.iter().map(|p| p.position(source)).collect();
-    let mesh = &target.mesh;
-    let mut energy = 0.0;
-    for (f, corners) in mesh.faces[..mesh.surface_faces].iter().enumerate() {
-        let twice_area = vector::norm(mesh.face_cross(f));
-        for i in 0..3 {
-            let [apex, a, b] = [0, 1, 2].map(|k| corners[(i + k) % 3] as usize);
-            let at = |v: usize| vector::sub(mesh.vertices[v], mesh.vertices[apex]);
-            let cotangent = vector::dot(at(a), at(b)) / twice_area;
-            let carried = vector::sub(images[a], images[b]);
-            energy += 0.5 * cotangent * vector::dot(carried, carried);
+    pub fn at_vertex(shape: &Shape, vertex: u32) -> Self {
+        let face = shape.vertex_faces.row(vertex as usize)[0];
+        let corners = shape.mesh.faces[face as usize];
+        Self {
+            face,
+            weights: corners.map(|v| if v == vertex { 1.0 } else { 0.0 }),
         }
     }
-    energy
 }
 
 /// Nearest point of the source's triangles in the common embedding, for each target row.

@@ -1,6 +1,6 @@
 //! A grade for a whole map, with its reasons in words.
 
-use crate::map_search::Shares;
+use crate::pair::Shares;
 use crate::selection::Figures;
 
 /// How far a map can be trusted as a whole.
@@ -14,10 +14,22 @@ pub enum Grade {
     Red,
 }
 
-/// Orientation from which a map counts as clearly direct, and below which as doubtful.
-const ORIENTATION: (f64, f64) = (0.75, 0.65);
-/// Mean change of short distances up to which a map counts as good, and beyond which as bad.
+/// Orientation below which a map is doubtful, and from which it is clearly direct.
+const ORIENTATION: (f64, f64) = (0.65, 0.75);
+/// Mean change of short distances up to which bodies are alike, and beyond which a map is doubtful.
 const LOCAL_DISTORTION: (f64, f64) = (0.035, 0.05);
+/// Score below which a map is graded red, and from which it may be green.
+const SCORE: (f64, f64) = (0.3, 0.55);
+/// Margin at which another map is as good as the chosen one, and from which it is no rival.
+const MARGIN: (f64, f64) = (0.85, 1.35);
+/// What the closest rival leaves of the score at least.
+const LEAST_CLARITY: f64 = 0.15;
+/// Distance from the chosen map at which an alternative's score falls to 1/e.
+const REACH: f64 = 0.08;
+/// Agreement of curvatures below which shapes do not look alike.
+const LOOKS_ALIKE: f64 = 0.6;
+/// From this gain on a mirrored map fits clearly better than the direct one.
+const MIRRORED_GAIN: f64 = 1.5;
 
 impl Grade {
     /// Name of the grade.
@@ -31,22 +43,56 @@ impl Grade {
     }
 }
 
+/// Whether the search has found nothing convincing, so that more should be tried.
+#[must_use]
+pub fn doubtful(figures: &Figures) -> bool {
+    figures.orientation < ORIENTATION.0 || figures.local_distortion > LOCAL_DISTORTION.1
+}
+
+/// How likely a map is right, in [0, 1]: curvatures agree at matched points, no other map fits
+/// nearly as well, and, for an alternative, the chosen map says about the same.
+#[must_use]
+pub fn score(figures: &Figures) -> f64 {
+    let clarity = (figures.margin - MARGIN.0) / (MARGIN.1 - MARGIN.0);
+    figures.agreement.max(0.0)
+        * clarity.clamp(LEAST_CLARITY, 1.0)
+        * (-(figures.apart / REACH).powi(2)).exp()
+}
+
 /// Grade and reasons of a map by its figures.
 #[must_use]
 pub fn graded(figures: &Figures, shares: Shares) -> (Grade, Vec<String>) {
-    let mut reasons = Vec::new();
+    let score = score(figures);
+    let o = figures.orientation;
+    let d = 100.0 * figures.local_distortion;
+    let mut reasons: Vec<String> = Vec::new();
     if shares == Shares::TARGET_IS_PART {
         reasons.push("the target looks like a part of the source".into());
     } else if shares == Shares::SOURCE_IS_PART {
         reasons.push("the source looks like a part of the target".into());
     }
-    let o = figures.orientation;
-    let d = 100.0 * figures.local_distortion;
-    if o < ORIENTATION.1 {
+    if figures.mirrored_gain > MIRRORED_GAIN {
+        reasons
+            .push("one shape looks like a mirror image of the other: allow mirrored maps".into());
+    }
+    if figures.apart > REACH {
+        reasons.push("another map fits better: this is an alternative".into());
+    } else if figures.margin < MARGIN.1 {
+        reasons.push(
+            "other maps fit almost as well: compare the alternatives or set a landmark".into(),
+        );
+    }
+    if figures.agreement < LOOKS_ALIKE {
+        reasons.push(format!(
+            "bumps and hollows do not agree (correlation {:.2}): the shapes may not match",
+            figures.agreement
+        ));
+    }
+    if o < ORIENTATION.0 {
         reasons.push(format!(
             "left and right are hard to tell apart (orientation {o:.2}): try the next alternative"
         ));
-    } else if o < ORIENTATION.0 {
+    } else if o < ORIENTATION.1 {
         reasons.push(format!("the surface turns in places (orientation {o:.2})"));
     }
     if figures.local_distortion > LOCAL_DISTORTION.1 {
@@ -58,18 +104,15 @@ pub fn graded(figures: &Figures, shares: Shares) -> (Grade, Vec<String>) {
             "distances change by {d:.1} % of √area: the bodies differ"
         ));
     }
-    if !figures.clear {
-        reasons.push("two maps fit almost equally well: compare the alternatives".into());
-    }
-    let grade = if o < ORIENTATION.1 || figures.local_distortion > LOCAL_DISTORTION.1 {
+    let grade = if score < SCORE.0 {
         Grade::Red
-    } else if reasons.is_empty() {
-        Grade::Green
-    } else {
+    } else if score < SCORE.1 || doubtful(figures) || figures.mirrored_gain > MIRRORED_GAIN {
         Grade::Amber
+    } else {
+        Grade::Green
     };
-    if grade == Grade::Green {
-        reasons.push("distances and orientation agree".into());
+    if reasons.is_empty() {
+        reasons.push("distances, curvatures and orientation agree".into());
     }
     (grade, reasons)
 }

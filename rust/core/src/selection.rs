@@ -5,12 +5,15 @@ use rayon::prelude::*;
 
 use crate::dense::{self, Rows};
 use crate::error::{Error, Result};
-use crate::map_search::{Candidate, Shares};
+use crate::hints::Hints;
+use crate::map_search::Candidate;
 use crate::nearest::nearest;
 use crate::orientation::{TangentGradients, orientation};
+use crate::pair::{Mirror, Pair, Shares};
 use crate::refinement::embedded_surface::{self, Side};
 use crate::refinement::upsampling;
 use crate::shape::Shape;
+use crate::vector;
 
 /// Candidates that are upsampled and scored.
 const SCORED: usize = 12;
@@ -31,18 +34,15 @@ const ORIENTATION_FUNCTIONS: usize = 24;
 /// Weight of the orientation in the score and in the rank: a perfect one is 1.
 const ORIENTATION_OFFSET: (f64, f64) = (1.2, 1.5);
 /// Candidates whose ranks differ by less than this fraction are told apart by their dense maps.
-const CLOSE: f64 = 0.1;
+const CLOSE: f64 = 0.15;
+/// Maps whose images lie farther apart than this on average are not the same.
+const ANOTHER_MAP: f64 = 0.05;
+/// Beyond this margin more says nothing.
+const MARGIN_AT_MOST: f64 = 2.0;
+/// Distortions that differ by less are equal: spectral distances are about 2 % off.
+const DISTORTION_NOISE: f64 = 2e-3;
 /// Distances below this are compared for the grade; long ones differ between right maps too.
 const LOCAL: f64 = 0.35;
-
-/// Whether mirrored maps may be chosen.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Mirror {
-    /// Only orientation-preserving maps.
-    Forbid,
-    /// Either; for a left against a right hand.
-    Allow,
-}
 
 /// A candidate after upsampling.
 #[derive(Debug)]
@@ -53,80 +53,106 @@ pub struct Scored {
     pub score: f64,
     /// Orientation of the upsampled map.
     pub orientation: f64,
+    /// How far the map contradicts what is known.
+    contradiction: f64,
     images: Vec<u32>,
 }
 
 /// Figures by which a whole map is judged.
 #[derive(Debug, Clone, Copy, Default)]
 pub struct Figures {
-    /// Score Q of the upsampled map.
-    pub score: f64,
     /// Orientation after the short refinement, in [−1, 1].
     pub orientation: f64,
     /// Mean change of distances below 0.35 √area.
     pub local_distortion: f64,
-    /// Whether no other candidate comes close by [`Figures::rank`].
-    pub clear: bool,
+    /// How far the unguided map contradicts what is known: Σ (d/0.1)² over landmarks missed by d,
+    /// and 4 (1 − the correlation of both shapes' coordinates) when these are in one frame.
+    pub contradiction: f64,
+    /// Rank of the best other map over that of the chosen one, at most 2.
+    pub margin: f64,
+    /// Mean distance from the images of the chosen map, √area; 0 for the chosen map itself.
+    pub apart: f64,
+    /// Mean correlation of the curvatures of both shapes at matched points; 0 before it is known.
+    pub agreement: f64,
+    /// How much worse the best direct map would be than the best mirrored one, 1 and below when
+    /// it is not.
+    pub mirrored_gain: f64,
 }
 
 impl Figures {
     /// By this candidates are ordered, the smaller the better: how far short distances change,
-    /// raised where the surface turns over.
+    /// raised where the surface turns over and where the map contradicts what is known.
     #[must_use]
     pub fn rank(&self) -> f64 {
-        self.local_distortion * (ORIENTATION_OFFSET.1 - self.orientation)
+        (self.local_distortion + DISTORTION_NOISE)
+            * (ORIENTATION_OFFSET.1 - self.orientation)
+            * (1.0 + self.contradiction)
     }
 }
 
-/// A candidate that stood in the vote.
-#[derive(Debug)]
-pub struct Voted {
-    /// `(60, 60)` map.
+/// A map that may be the right one, before its final refinement.
+#[derive(Debug, Clone)]
+pub struct Hypothesis {
+    /// `(60, 60)` map, target coefficients → source coefficients.
     pub matrix: Mat<f64>,
-    /// Its figures.
+    /// Its figures in the vote.
     pub figures: Figures,
+    /// Which shape it takes as a part of the other.
+    pub shares: Shares,
+    /// Source vertices of the target's judging samples.
+    images: Vec<u32>,
 }
 
-/// Upsamples and scores the candidates, refines the best that differ for a short while, and orders
+/// Plausible maps: upsamples and scores the candidates, refines the best that differ for a short while, and orders
 /// them by what the refined maps do to distances and orientation.
-///
-/// `landmarks` are pairs (source vertex, target vertex) of the checked meshes.
 ///
 /// # Errors
 /// [`Error::NoMap`] when no candidate keeps the orientation; [`Error::Cancelled`].
 pub fn vote(
-    target: &Shape,
-    source: &Shape,
+    pair: &Pair<'_>,
     candidates: &[Candidate],
-    mirror: Mirror,
-    shares: Shares,
-    landmarks: &[(u32, u32)],
     report: &(dyn Fn(f64) -> Result<()> + Sync),
-) -> Result<Vec<Voted>> {
-    let mut scored = scored(
-        target, source, candidates, mirror, shares, landmarks, report,
-    )?;
+) -> Result<Vec<Hypothesis>> {
+    let mut scored = scored(pair, candidates, report)?;
     scored.sort_by(|a, b| a.score.total_cmp(&b.score));
-    let voters = different(source, scored, mirror);
-    let judged: Vec<Voted> = voters
+    let voters = different(pair, scored);
+    let mut judged: Vec<Hypothesis> = voters
         .par_iter()
-        .map(|s| judged(target, source, shares, s, &|| report(0.6)))
+        .map(|s| judged(pair, s, &|| report(0.6)))
         .collect::<Result<_>>()?;
-    Ok(ordered(judged))
+    judged.sort_by(|a, b| a.figures.rank().total_cmp(&b.figures.rank()));
+    let gain = mirrored_gain(candidates);
+    for hypothesis in &mut judged {
+        hypothesis.figures.mirrored_gain = gain;
+    }
+    Ok(judged)
+}
+
+/// Energy of the best direct candidate over that of the best mirrored one.
+fn mirrored_gain(candidates: &[Candidate]) -> f64 {
+    let least = |mirrored: bool| {
+        candidates
+            .iter()
+            .filter(|c| (c.orientation < MIRRORED) == mirrored)
+            .map(|c| c.energy)
+            .fold(f64::INFINITY, f64::min)
+    };
+    let (direct, mirrored) = (least(false), least(true));
+    if mirrored.is_finite() {
+        direct / mirrored
+    } else {
+        0.0
+    }
 }
 
 fn scored(
-    target: &Shape,
-    source: &Shape,
+    pair: &Pair<'_>,
     candidates: &[Candidate],
-    mirror: Mirror,
-    shares: Shares,
-    landmarks: &[(u32, u32)],
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Vec<Scored>> {
     let oriented: Vec<&Candidate> = candidates
         .iter()
-        .filter(|c| mirror == Mirror::Allow || c.orientation >= MIRRORED)
+        .filter(|c| pair.mirror == Mirror::Allow || c.orientation >= MIRRORED)
         .take(SCORED)
         .collect();
     if oriented.is_empty() {
@@ -139,24 +165,14 @@ fn scored(
         .par_iter()
         .map(|c| {
             report(0.2)?;
-            let matrix = upsampling::upsampled(target, source, c, shares)?;
-            Ok(score(
-                target, source, matrix, c.energy, mirror, shares, landmarks,
-            ))
+            Ok(score(pair, upsampling::upsampled(pair, c)?, c.energy))
         })
         .collect()
 }
 
 /// Q = e₂₄ · ē · (1.2 − o) · ‖Λ₂C − CΛ₁‖/‖Λ₁‖, raised by missed landmarks.
-fn score(
-    target: &Shape,
-    source: &Shape,
-    matrix: Mat<f64>,
-    energy: f64,
-    mirror: Mirror,
-    shares: Shares,
-    landmarks: &[(u32, u32)],
-) -> Scored {
+fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
+    let (target, source) = (pair.target, pair.source);
     let k = matrix.ncols();
     let (ask_t, ask_s) = (judging(target), judging(source));
     let rows_t = Rows::from_matrix(target.basis.functions.as_ref(), k);
@@ -171,12 +187,16 @@ fn score(
             f64::INFINITY,
         )
     };
-    let distortion = shares.mean(
+    let distortion = pair.shares.mean(
         change(target, ask_t, source, &images),
         change(source, ask_s, target, &back),
     );
     let o = orientation_of((target, ask_t), (source, &images), matrix.as_ref());
-    let o = if mirror == Mirror::Allow { o.abs() } else { o };
+    let o = if pair.mirror == Mirror::Allow {
+        o.abs()
+    } else {
+        o
+    };
     let (values_t, values_s) = (&target.basis.values, &source.basis.values);
     let mut commutator = 0.0;
     for j in 0..k {
@@ -186,16 +206,18 @@ fn score(
     }
     let norm: f64 = values_t[..k].iter().map(|l| l * l).sum();
     // The spectra of a part and of the whole do not commute with a right map.
-    let ell = if shares == Shares::BOTH {
+    let ell = if pair.shares == Shares::BOTH {
         (commutator / norm).sqrt()
     } else {
         1.0
     };
-    let missed = missed_landmarks(source, &rows_t, &rows_s, landmarks);
+    let contradiction =
+        missed_landmarks(source, &rows_t, &rows_s, &pair.hints.landmarks) + off_axes(pair, &images);
     Scored {
         matrix,
-        score: energy * distortion * (ORIENTATION_OFFSET.0 - o) * ell * (1.0 + missed),
+        score: energy * distortion * (ORIENTATION_OFFSET.0 - o) * ell * (1.0 + contradiction),
         orientation: o,
+        contradiction,
         images,
     }
 }
@@ -231,8 +253,28 @@ fn missed_landmarks(source: &Shape, rows_t: &Rows, rows_s: &Rows, landmarks: &[(
         .sum()
 }
 
+/// 4 (1 − r), r the correlation between the coordinates of the judging samples and those of their
+/// images, when both shapes stand in one frame; the shapes are centred.
+fn off_axes(pair: &Pair<'_>, images: &[u32]) -> f64 {
+    /// Half a turn about the height of a standing character then triples its rank.
+    const WEIGHT: f64 = 4.0;
+    if !pair.hints.same_axes {
+        return 0.0;
+    }
+    let (mut both, mut own, mut other) = (0.0, 0.0, 0.0);
+    for (&v, &image) in judging(pair.target).iter().zip(images) {
+        let p = pair.target.mesh.vertices[v as usize];
+        let q = pair.source.mesh.vertices[image as usize];
+        both += vector::dot(p, q);
+        own += vector::dot(p, p);
+        other += vector::dot(q, q);
+    }
+    WEIGHT * (1.0 - both / (own * other).sqrt())
+}
+
 /// The best candidates that differ from one another.
-fn different(source: &Shape, scored: Vec<Scored>, mirror: Mirror) -> Vec<Scored> {
+fn different(pair: &Pair<'_>, scored: Vec<Scored>) -> Vec<Scored> {
+    let source = pair.source;
     let witnesses = &source.farthest[..WITNESSES.min(source.farthest.len())];
     let mut chosen: Vec<(Scored, Mat<f64>)> = Vec::new();
     let mut rest = Vec::new();
@@ -240,7 +282,7 @@ fn different(source: &Shape, scored: Vec<Scored>, mirror: Mirror) -> Vec<Scored>
         if chosen.len() == VOTERS {
             break;
         }
-        if mirror == Mirror::Forbid && s.orientation < ORIENTED {
+        if pair.mirror == Mirror::Forbid && s.orientation < ORIENTED {
             rest.push(s);
             continue;
         }
@@ -262,36 +304,33 @@ fn different(source: &Shape, scored: Vec<Scored>, mirror: Mirror) -> Vec<Scored>
 }
 
 /// Short refinement, then the figures by which candidates are ordered.
+///
+/// Landmarks do not guide it: what a candidate makes of them by itself tells which one is right.
 fn judged(
-    target: &Shape,
-    source: &Shape,
-    shares: Shares,
+    pair: &Pair<'_>,
     scored: &Scored,
     check: &(dyn Fn() -> Result<()> + Sync),
-) -> Result<Voted> {
+) -> Result<Hypothesis> {
+    let unguided = Pair {
+        hints: &Hints::default(),
+        ..*pair
+    };
     let state = embedded_surface::refined(
-        target,
-        source,
+        &unguided,
         scored.matrix.as_ref(),
-        shares,
         embedded_surface::SHORT,
         &|_| check(),
     )?;
     // The drawn vertices begin with the farthest-point samples.
     let images = |side: &Side<'_>| side.images.vertex[..judging(side.shape()).len()].to_vec();
     let (on_source, on_target) = (images(&state.target), images(&state.source));
-    let mut figures = figures(
-        target,
-        source,
-        scored.matrix.as_ref(),
-        shares,
-        &on_source,
-        &on_target,
-    );
-    figures.score = scored.score;
-    Ok(Voted {
+    let mut figures = figures(pair, scored.matrix.as_ref(), &on_source, &on_target);
+    figures.contradiction = scored.contradiction;
+    Ok(Hypothesis {
         matrix: scored.matrix.clone(),
         figures,
+        shares: pair.shares,
+        images: on_source,
     })
 }
 
@@ -304,13 +343,12 @@ pub fn judging(shape: &Shape) -> &[u32] {
 /// Orientation and local distortion of a map, given the images of both shapes' judging samples.
 #[must_use]
 pub fn figures(
-    target: &Shape,
-    source: &Shape,
+    pair: &Pair<'_>,
     matrix: MatRef<'_, f64>,
-    shares: Shares,
     on_source: &[u32],
     on_target: &[u32],
 ) -> Figures {
+    let (target, source) = (pair.target, pair.source);
     let change = |a: &Shape, b: &Shape, images: &[u32]| {
         let asking = judging(a);
         mean_change(
@@ -320,35 +358,44 @@ pub fn figures(
         )
     };
     Figures {
-        score: 0.0,
         orientation: orientation_of((target, judging(target)), (source, on_source), matrix),
-        local_distortion: shares.mean(
+        local_distortion: pair.shares.mean(
             change(target, source, on_source),
             change(source, target, on_target),
         ),
-        clear: false,
+        ..Figures::default()
     }
 }
 
-/// Best first; whether the first stands clear of the rest is written into its figures.
-fn ordered(mut voters: Vec<Voted>) -> Vec<Voted> {
-    voters.sort_by(|a, b| a.figures.rank().total_cmp(&b.figures.rank()));
-    let rivals = rivals(&voters, |v| &v.figures);
-    voters[0].figures.clear = rivals == 1;
-    voters
+/// How many hypotheses, best first, come so close to the first that their order by rank says
+/// little.
+#[must_use]
+pub fn rivals(hypotheses: &[Hypothesis]) -> usize {
+    let bound = hypotheses
+        .first()
+        .map_or(0.0, |best| (1.0 + CLOSE) * best.figures.rank());
+    hypotheses
+        .iter()
+        .take_while(|h| h.figures.rank() <= bound)
+        .count()
 }
 
-/// How many candidates of a list, best first, come so close to the first that their order by rank
-/// says little.
-#[must_use]
-pub fn rivals<T>(candidates: &[T], figures: impl Fn(&T) -> &Figures) -> usize {
-    let bound = candidates
-        .first()
-        .map_or(0.0, |best| (1.0 + CLOSE) * figures(best).rank());
-    candidates
-        .iter()
-        .take_while(|c| figures(c).rank() <= bound)
-        .count()
+/// Writes into all figures how far each map lies from the chosen one, and how clearly that one
+/// stands before the best that differs.
+pub fn compare_with_chosen(source: &Shape, chosen: usize, hypotheses: &mut [Hypothesis]) {
+    let images = hypotheses[chosen].images.clone();
+    let mut margin = MARGIN_AT_MOST;
+    let rank = hypotheses[chosen].figures.rank();
+    for hypothesis in hypotheses.iter_mut() {
+        let figures = &mut hypothesis.figures;
+        figures.apart = source.mean_spectral_distance(&hypothesis.images, &images);
+        if figures.apart > ANOTHER_MAP {
+            margin = margin.min(figures.rank() / rank);
+        }
+    }
+    for hypothesis in hypotheses {
+        hypothesis.figures.margin = margin;
+    }
 }
 
 /// Mean |a − b| over pairs whose first distance is below the limit.

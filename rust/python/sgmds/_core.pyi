@@ -82,6 +82,7 @@ def match_pair(
     mirror: str,
     part: str | None,
     landmarks: Sequence[tuple[int, int]],
+    same_axes: bool,
     progress: _Progress = None,
     threads: int | None = None,
 ) -> RawMatch: ...

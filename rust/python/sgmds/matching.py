@@ -22,6 +22,7 @@ def match(
     method: Literal["auto", "paper", "gmds", "functional-map"] = "auto",
     part: Literal["source", "target"] | None = None,
     mirror: Literal["forbid", "allow"] = "forbid",
+    same_axes: bool = False,
     progress: Progress | None = None,
     threads: int | None = None,
     seed: int = 0,
@@ -42,6 +43,9 @@ def match(
         is sought. ``None`` finds out: parts are tried where the map between wholes is poor.
     mirror : {"forbid", "allow"}
         Whether a map that exchanges left and right may be chosen.
+    same_axes : bool
+        Whether left, front and up are the same directions on both shapes. Tells the sides of a character
+        apart that is symmetric to the last vertex; harms shapes that lie differently in space.
     progress : callable, optional
         ``progress(stage, fraction)``; returning ``False`` cancels.
     threads : int, optional
@@ -67,8 +71,9 @@ def match(
     operator.index(seed)
     sides = [_side(name, s) for name, s in (("source", source), ("target", target))]
     counts = [len(vertices) for vertices, _, _ in sides]
+    pairs = _pairs(landmarks, counts)
     raw = _core.match_pair(
-        sides[0][2], sides[1][2], method, mirror, part, _pairs(landmarks, counts), progress, threads
+        sides[0][2], sides[1][2], method, mirror, part, pairs, bool(same_axes), progress, threads
     )
     return Correspondence._from_core(raw, sides[0][1], counts[0])
 

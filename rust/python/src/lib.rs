@@ -13,10 +13,10 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sgmds_core::map_search::Shares;
-use sgmds_core::matching::{self, Correspondence, Hypothesis, Method, Options};
+use sgmds_core::matching::{self, Correspondence, Method, Options};
 use sgmds_core::metric::Metric;
-use sgmds_core::selection::{Figures, Mirror};
+use sgmds_core::pair::{Mirror, Shares};
+use sgmds_core::selection::{Figures, Hypothesis};
 use sgmds_core::shape::Shape;
 use sgmds_core::{Error, quality, transfer};
 
@@ -280,16 +280,23 @@ impl RawMatch {
             let (grade, reasons) = quality::graded(figures, self.found.shares);
             dict.set_item("grade", grade.name())?;
             dict.set_item("reasons", reasons)?;
+            dict.set_item("score", quality::score(figures))?;
             let Figures {
-                score,
                 orientation,
                 local_distortion,
-                clear,
+                contradiction,
+                margin,
+                apart,
+                agreement,
+                mirrored_gain,
             } = *figures;
-            dict.set_item("score", score)?;
             dict.set_item("orientation", orientation)?;
             dict.set_item("local_distortion", local_distortion)?;
-            dict.set_item("clear", clear)?;
+            dict.set_item("contradiction", contradiction)?;
+            dict.set_item("margin", margin)?;
+            dict.set_item("apart", apart)?;
+            dict.set_item("agreement", agreement)?;
+            dict.set_item("mirrored_gain", mirrored_gain)?;
         }
         if let Some(end) = &self.found.convergence {
             dict.set_item("energy", end.energy)?;
@@ -319,8 +326,11 @@ impl RawMatch {
     ) -> PyResult<Self> {
         let (source, target) = (Arc::clone(&self.source), Arc::clone(&self.target));
         let other: Hypothesis = self.found.others[index].clone();
+        let hints = Arc::clone(&self.found.hints);
         let found = watched(py, progress, threads, move |state| {
-            matching::completed(&source, &target, &other, state, &|s, f| state.enter(s, f))
+            matching::completed(&source, &target, &hints, &other, state, &|s, f| {
+                state.enter(s, f)
+            })
         })?;
         Ok(Self {
             source: Arc::clone(&self.source),
@@ -332,7 +342,7 @@ impl RawMatch {
 
 /// Matches two shapes, each prepared or a pair of contiguous arrays (float64, int64).
 #[pyfunction]
-#[pyo3(signature = (source, target, method, mirror, part, landmarks, progress=None, threads=None))]
+#[pyo3(signature = (source, target, method, mirror, part, landmarks, same_axes, progress=None, threads=None))]
 #[expect(
     clippy::too_many_arguments,
     reason = "keyword arguments of the Python function"
@@ -345,6 +355,7 @@ fn match_pair(
     mirror: &str,
     part: Option<&str>,
     landmarks: Vec<(u32, u32)>,
+    same_axes: bool,
     progress: Option<&Bound<'_, PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<RawMatch> {
@@ -366,6 +377,7 @@ fn match_pair(
             _ => None,
         },
         landmarks,
+        same_axes,
     };
     let (source, target) = (Input::extract(source)?, Input::extract(target)?);
     // Preparing is about half of the work.

@@ -15,9 +15,10 @@ use faer::{Mat, MatRef};
 
 use crate::dense::{self, Rows};
 use crate::error::Result;
-use crate::map_search::Shares;
+use crate::hints::Which;
 use crate::mesh::{self, Adjacency};
 use crate::nearest::nearest;
+use crate::pair::Pair;
 use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
 use crate::shape::Shape;
 use crate::vector::{self, Point};
@@ -70,6 +71,10 @@ pub struct Side<'a> {
     coordinates: Mat<f64>,
     /// Low-passed surface, before any deformation.
     pub smoothed: Mat<f64>,
+    /// What a vertex looks like and how near it is to each landmark, `(n, c)`: the same at each step.
+    fixed: Mat<f32>,
+    /// Where landmarks ask, as (number of the asking vertex, image).
+    known: Vec<(u32, u32)>,
     /// Embedding of every vertex in the last step.
     pub rows: Rows,
 }
@@ -94,14 +99,13 @@ pub struct Refined<'a> {
 /// # Errors
 /// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
 pub fn refined<'a>(
-    target: &'a Shape,
-    source: &'a Shape,
+    pair: &Pair<'a>,
     matrix: MatRef<'_, f64>,
-    shares: Shares,
     schedule: Schedule,
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Refined<'a>> {
-    let mut state = Refined::start(target, source, matrix, shares, schedule.drawn);
+    let (target, source) = (pair.target, pair.source);
+    let mut state = Refined::start(pair, matrix, schedule.drawn);
     state.rotate_target_onto_source()?;
     let most = target.basis.values.len().min(source.basis.values.len());
     for (step, &size) in schedule.sizes.iter().enumerate() {
@@ -112,7 +116,11 @@ pub fn refined<'a>(
 }
 
 impl<'a> Side<'a> {
-    fn new(shape: &'a Shape, drawn: Option<usize>, share: f64) -> Self {
+    fn new(pair: &Pair<'a>, which: Which, drawn: Option<usize>) -> Self {
+        let (shape, share) = match which {
+            Which::Target => (pair.target, pair.shares.target),
+            Which::Source => (pair.source, pair.shares.source),
+        };
         let mesh = &shape.mesh;
         let (asking, neighbours, weights) = if let Some(count) = drawn {
             let asking = shape.drawn_vertices(count);
@@ -127,12 +135,43 @@ impl<'a> Side<'a> {
         let weighted = Mat::from_fn(mesh.vertices.len(), 3, |i, c| {
             shape.mass[i] * mesh.vertices[i][c]
         });
+        let known: Vec<(u32, u32)> = pair
+            .hints
+            .landmarks
+            .iter()
+            .map(|&(s, t)| {
+                if which == Which::Target {
+                    (t, s)
+                } else {
+                    (s, t)
+                }
+            })
+            .filter_map(|(own, image)| {
+                let number = asking.iter().position(|&v| v == own)?;
+                Some((number as u32, image))
+            })
+            .collect();
+        let detail = shape.descriptors.detail.as_ref();
+        let held = pair.hints.in_refinement(which);
+        let fixed = Mat::from_fn(
+            mesh.vertices.len(),
+            detail.ncols() + held.ncols(),
+            |i, c| {
+                if c < detail.ncols() {
+                    detail[(i, c)]
+                } else {
+                    held[(i, c - detail.ncols())]
+                }
+            },
+        );
         Self {
             coordinates: dense::product(shape.basis.functions.transpose(), weighted.as_ref()),
             images: Images::unknown(asking.len()),
             asking,
             weights,
             neighbours,
+            fixed,
+            known,
             smoothed: Mat::zeros(0, 3),
             rows: Rows::zeros(0, 1),
             shape,
@@ -160,18 +199,19 @@ impl<'a> Side<'a> {
         })
     }
 
-    /// \[spectral part / (√π k), surface, weighted normals\]: in all three a unit is about a unit
-    /// of length on the surface, the first because Σλ ≈ 2πk² at unit area.
+    /// \[spectral part / (√π k), surface, weighted normals, looks, landmarks\]: in the first two a
+    /// unit is about a unit of length on the surface, the first because Σλ ≈ 2πk² at unit area.
     fn embed(&mut self, spectral: MatRef<'_, f64>, surface: MatRef<'_, f64>) {
         let (n, k) = (spectral.nrows(), spectral.ncols());
         let scale = 1.0 / (PI.sqrt() * k as f64);
         let positions: Vec<Point> = (0..n).map(|i| [0, 1, 2].map(|c| surface[(i, c)])).collect();
         let normals = mesh::normals_of(&positions, &self.shape.mesh.faces);
         let sign = NORMAL_WEIGHT * self.shape.volume_sign;
-        let mut rows = Rows::zeros(n, k + 6);
+        let dims = k + 6 + self.fixed.ncols();
+        let mut rows = Rows::zeros(n, dims);
         for j in 0..k {
             for (i, value) in spectral.col(j).iter().enumerate() {
-                rows.data[i * (k + 6) + j] = (value * scale) as f32;
+                rows.data[i * dims + j] = (value * scale) as f32;
             }
         }
         for i in 0..n {
@@ -180,22 +220,20 @@ impl<'a> Side<'a> {
                 row[c] = positions[i][c] as f32;
                 row[3 + c] = (sign * normals[i][c]) as f32;
             }
+            for (c, out) in row[6..].iter_mut().enumerate() {
+                *out = self.fixed[(i, c)];
+            }
         }
         self.rows = rows;
     }
 }
 
 impl<'a> Refined<'a> {
-    fn start(
-        target: &'a Shape,
-        source: &'a Shape,
-        matrix: MatRef<'_, f64>,
-        shares: Shares,
-        drawn: Option<usize>,
-    ) -> Self {
+    fn start(pair: &Pair<'a>, matrix: MatRef<'_, f64>, drawn: Option<usize>) -> Self {
+        let (target, source) = (pair.target, pair.source);
         let mut state = Self {
-            target: Side::new(target, drawn, shares.target),
-            source: Side::new(source, drawn, shares.source),
+            target: Side::new(pair, Which::Target, drawn),
+            source: Side::new(pair, Which::Source, drawn),
             deformed: Mat::zeros(0, 3),
             matrix: matrix.to_owned(),
         };
@@ -247,8 +285,8 @@ impl<'a> Refined<'a> {
         Ok(())
     }
 
-    /// Settles the images of both sides in the present embeddings.
-    pub fn find_images(&mut self, sweeps: usize) {
+    /// Settles the images of both sides in the present embeddings; those of landmarks are given.
+    fn find_images(&mut self, sweeps: usize) {
         let Self { target, source, .. } = self;
         let (target_rows, source_rows) = (&target.rows, &source.rows);
         let (t, s) = (target.shape, source.shape);
@@ -272,6 +310,11 @@ impl<'a> Refined<'a> {
                 );
             },
         );
+        for side in [target, source] {
+            for &(number, image) in &side.known {
+                side.images.vertex[number as usize] = image;
+            }
+        }
     }
 
     /// Low-passed target plus the smooth displacement that brings it onto the source.

@@ -7,8 +7,9 @@ use faer::Mat;
 
 use crate::dense::{self, Rows};
 use crate::error::Result;
-use crate::map_search::{Candidate, Shares, fit};
+use crate::map_search::{Candidate, fit};
 use crate::nearest::nearest;
+use crate::pair::Pair;
 use crate::shape::Shape;
 
 /// Eigenfunctions of an upsampled map.
@@ -21,12 +22,8 @@ const STEP: usize = 4;
 ///
 /// # Errors
 /// [`crate::Error::NotFactorised`] when the point maps collapse.
-pub fn upsampled(
-    target: &Shape,
-    source: &Shape,
-    candidate: &Candidate,
-    shares: Shares,
-) -> Result<Mat<f64>> {
+pub fn upsampled(pair: &Pair<'_>, candidate: &Candidate) -> Result<Mat<f64>> {
+    let (target, source) = (pair.target, pair.source);
     let largest = UPSAMPLED_SIZE
         .min(target.basis.values.len())
         .min(source.basis.values.len());
@@ -44,7 +41,7 @@ pub fn upsampled(
             on_source.as_ref(),
             &nearest(&asked, &answers),
             &nearest(&answers, &asked),
-            shares,
+            pair.shares,
             (k + STEP).min(largest),
         )?;
         if k == largest {
