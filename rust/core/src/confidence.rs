@@ -13,15 +13,18 @@ const WITNESSES: usize = 80;
 const REACH: f64 = 0.25;
 /// Keeps the weights of far samples above zero.
 const WEIGHT_FLOOR: f64 = 1e-6;
-/// Local distortion at which confidence falls to 1/e.
-const TOLERATED: f64 = 0.04;
+/// Local distortion at which confidence falls to 1/e: half of it is left at 0.055, which separates best
+/// the vertices of a whole that a part lacks from the others.
+const TOLERATED: f64 = 0.066;
 
-/// Confidence in [0, 1] of a local distortion δ: exp(−(δ/0.04)²).
+/// Confidence in [0, 1] of a target vertex: exp(−(δ² + ρ²)/0.066²).
 ///
-/// It cannot see a wholly wrong map.
+/// δ is its local distortion, ρ how far from it the way to the source and back ends, both at unit
+/// area. It cannot see a wholly wrong map.
 #[must_use]
-pub fn confidence(distortion: f64) -> f64 {
-    (-(distortion / TOLERATED).powi(2)).exp()
+pub fn confidence(distortion: f64, returns: f64) -> f64 {
+    let doubt = distortion.hypot(returns);
+    (-(doubt / TOLERATED).powi(2)).exp()
 }
 
 /// Mean change δ of the distances to 80 samples, near ones weighing most, for each target vertex.

@@ -512,7 +512,16 @@ fn dense_map(
         points[asking as usize] = SurfacePoint::at_vertex(source, known);
     }
     let distortion = local_distortion(target, source, images, progress)?;
-    let trust: Vec<f64> = distortion.iter().map(|&d| confidence(d)).collect();
+    let vertices = &target.mesh.vertices;
+    let returns = |v: usize| {
+        let end = back[images[v] as usize] as usize;
+        vector::norm(vector::sub(vertices[v], vertices[end]))
+    };
+    let trust: Vec<f64> = distortion
+        .iter()
+        .enumerate()
+        .map(|(v, &d)| confidence(d, returns(v)))
+        .collect();
     let functional_map = functional_map(source, target, images, back)?;
     let found = in_given_numbering(source, target, &points, &trust, functional_map);
     Ok((distortion, found))
