@@ -1,5 +1,7 @@
 """A dense map from the vertices of a target to points of a source."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -29,24 +31,20 @@ class Quality:
 
 
 class Correspondence:
-    """For every target vertex one point of the source surface.
-
-    Attributes
-    ----------
-    faces : (n_target,) source triangle holding the image
-    barycentric : (n_target, 3) weights in that triangle, non-negative, summing to 1
-    vertices : (n_target,) nearest source vertex of that point
-    confidence : (n_target,) in [0, 1]
-    functional_map : (k_target, k_source) coefficients on source → coefficients on target
-    quality : Quality
-    """
+    """For every target vertex one point of the source surface."""
 
     faces: Ids
+    """(n_target,) source triangle holding the image."""
     barycentric: Floats
+    """(n_target, 3) weights in that triangle, non-negative, summing to 1."""
     vertices: Ids
+    """(n_target,) nearest source vertex of that point."""
     confidence: Floats
+    """(n_target,) in [0, 1]."""
     functional_map: Floats
+    """(k_target, k_source) coefficients on the source → coefficients on the target."""
     quality: Quality
+    """Grade, reasons, figures."""
 
     def __init__(
         self, arrays: Mapping[str, Any], quality: Quality, raw: _core.RawMatch | None = None

@@ -1,5 +1,7 @@
 """Matching of two shapes."""
 
+from __future__ import annotations
+
 import operator
 from collections.abc import Iterable
 from typing import Any, Literal

@@ -1,5 +1,7 @@
 """A surface prepared for matching."""
 
+from __future__ import annotations
+
 import os
 from collections.abc import Callable
 from typing import Any, Self

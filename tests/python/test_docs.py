@@ -1,0 +1,77 @@
+"""The pages of the repository say what is so: links lead somewhere, examples run."""
+
+import re
+from pathlib import Path
+
+import pytest
+import sgmds
+from sgmds import characters
+
+ROOT = Path(__file__).resolve().parents[2]
+# Those below docs/ are checked with the site, by `just docs`.
+PAGES = sorted(ROOT.glob("*.md"))
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_of_the_repository_lead_to_files(page):
+    links = re.findall(r"\]\(([^)#\s]+)", page.read_text(encoding="utf-8"))
+    local = [link for link in links if "://" not in link]
+    assert not [link for link in local if not (ROOT / link).exists()]
+
+
+def examples(page):
+    return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
+
+
+@pytest.fixture
+def small(monkeypatch):
+    """Characters of a size that matches quickly, whatever size an example asks for."""
+    make = characters.make
+    monkeypatch.setattr(
+        characters, "make", lambda *args, **options: make(*args, **{**options, "resolution": 1500})
+    )
+    return characters.make
+
+
+@pytest.mark.parametrize("page", ["README.md", "docs/python.md"])
+def test_examples_run(page, small, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    first, second = small(), small(build="slender", pose="wave", seed=1)
+    names = {
+        "vertices_1": first.vertices,
+        "faces_1": first.faces,
+        "weights_1": first.weights,
+        "vertices_2": second.vertices,
+        "faces_2": second.faces,
+        "labels": first.part,
+    }
+    blocks = examples(page)
+    assert blocks
+    for block in blocks:
+        exec(compile(block, page, "exec"), names)
+    assert isinstance(names["corr"], sgmds.Correspondence)
+    carried = names.get("weights_2", names.get("weights"))
+    assert carried.shape[0] == len(names["corr"].vertices)
+
+
+def table_rows(page, heading):
+    """Cells of a page's table whose first line of cells begins with `heading`."""
+    rows = []
+    for line in (ROOT / page).read_text(encoding="utf-8").splitlines():
+        cells = [cell.strip() for cell in line.strip("|").split("|")] if line.startswith("|") else []
+        if cells[: len(heading)] == heading:
+            rows = [cells]
+        elif cells and rows:
+            rows.append(cells)
+        elif rows:
+            break
+    return rows
+
+
+def test_readme_states_the_recorded_figures():
+    stated = table_rows("README.md", ["set", "pairs", "ours"])[2:]
+    recorded = {row[0]: row for row in table_rows("docs/accuracy.md", ["set", "pairs", "mean"])[2:]}
+    assert stated
+    for name, pairs, ours, *_ in stated:
+        digits = len(ours.partition(".")[2])
+        assert (pairs, float(ours)) == (recorded[name][1], round(float(recorded[name][2]), digits)), name
