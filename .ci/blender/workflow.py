@@ -214,12 +214,15 @@ def steps():
     print("GRADE", stored().grade, stored().mean_confidence, "in", stored().seconds, "s")
 
     yield from window.press("what='CONFIDENCE'", 0.5)
-    assert troll().data.color_attributes.active_color.name == "match_heat"
+    yield from window.until(
+        lambda: troll().data.color_attributes.active_color.name == "match_heat", "the heat map"
+    )
     yield from window.shot("05_confidence")
     yield from window.press("what='COLOURS'", 0.15)
     yield from window.press("spectral_match.lines", 0.25)
     yield from window.shot("06_lines")
     yield from window.press("spectral_match.morph", 0.75)
+    yield from window.until(lambda: troll().modifiers, "the morph")
     modifier = troll().modifiers[0]
     assert modifier.type == "NODES"
     before = Vector(shown_centre(troll()))
@@ -228,8 +231,8 @@ def steps():
     yield from window.shot("07_morph")
     assert (Vector(shown_centre(troll())) - before).length > 1.0, "the morph moves the target"
     yield from window.press("spectral_match.morph", 0.75)
+    yield from window.until(lambda: not troll().modifiers, "the end of the morph")
     yield from window.press("spectral_match.lines", 0.25)
-    assert not troll().modifiers
 
     yield from window.open_panel("spectral_match.lines", "spectral_match.swap_sides")
     yield from window.shot("08_fix")
@@ -238,14 +241,12 @@ def steps():
     if stored().alternatives > 1:
         assert stored().alternative == 1
         yield from window.shot("09_alternative")
-        yield from undo()
-        assert stored().alternative == 0, "one undo takes back the alternative"
+        yield from undo(lambda: stored().alternative == 0, "one undo to take back the alternative")
     yield from window.press("spectral_match.swap_sides")
     yield from idle("the match with sides swapped")
     assert stored().swapped_sides
     yield from window.shot("10_swapped")
-    yield from undo()
-    assert not stored().swapped_sides, "one undo takes back the swapped match"
+    yield from undo(lambda: not stored().swapped_sides, "one undo to take back the swapped match")
 
     yield from window.press("spectral_match.pick_landmarks")
     hero = bpy.data.objects["Hero"]
@@ -256,16 +257,16 @@ def steps():
     ):
         pair = foremost(hero, on_hero), foremost(troll(), on_troll)
         window.click(*screen_place(hero, pair[0]))
-        yield from window.until(lambda: addon("overlay").picking.first is not None, "the first pick", 20.0)
+        yield from window.until(lambda: addon("overlay").picking.first is not None, "the first pick")
         if number == 1:
             window.pointer(*screen_place(troll(), pair[1]))
             yield from window.redrawn()
             window.picture("11_picking")
         window.click(*screen_place(troll(), pair[1]))
-        yield from window.until(lambda n=number: len(settings.landmarks) == n + 1, "the second pick", 20.0)
+        yield from window.until(lambda n=number: len(settings.landmarks) == n + 1, "the second pick")
         pairs.append(pair)
     window.key("Return")
-    yield from window.until(lambda: addon("overlay").picking is None, "the end of picking", 20.0)
+    yield from window.until(lambda: addon("overlay").picking is None, "the end of picking")
     picked = [(mark.source_vertex, mark.target_vertex) for mark in settings.landmarks]
     assert picked == pairs, (picked, pairs)
     yield from window.shot("12_landmarks")
@@ -283,18 +284,17 @@ def steps():
         assert away < 0.3, "a landmark's image is where it was picked"
     yield from window.shot("14_landmarks_matched")
     yield from window.press("spectral_match.remove_landmark", 0.9)
-    assert len(settings.landmarks) == 1
+    settings = bpy.context.scene.spectral_match
+    yield from window.until(lambda: len(settings.landmarks) == 1, "the removal")
     yield from window.open_panel("spectral_match.lines", "spectral_match.transfer()")
 
     yield from window.press("spectral_match.transfer()")
-    yield from window.until(lambda: len(troll().vertex_groups) == 3, "the transfer", 20.0)
+    yield from window.until(lambda: len(troll().vertex_groups) == 3, "the transfer")
     assert len(troll().data.uv_layers) == 1
     yield from window.shot("15_transferred")
-    yield from undo()
-    assert not troll().vertex_groups, "one undo takes back the transfer"
+    yield from undo(lambda: not troll().vertex_groups, "one undo to take back the transfer")
     yield from window.shot("16_undone")
-    yield from redo()
-    assert len(troll().vertex_groups) == 3, "redo brings it back"
+    yield from redo(lambda: len(troll().vertex_groups) == 3, "redo to bring it back")
 
     third = character("Dwarf", (0, 0, 0), 0.2, 0.9, 1.8)
     third.scale = (0.7, 0.7, 0.6)
@@ -366,17 +366,17 @@ def fine_copy(obj):
     return fine
 
 
-def undo():
+def undo(done, what):
     window.pointer(*window.point("WINDOW", 420, 300))
     window.key("ctrl+z")
-    yield 1.0
+    yield from window.until(done, what)
     yield from window.redrawn()
 
 
-def redo():
+def redo(done, what):
     window.pointer(*window.point("WINDOW", 420, 300))
     window.key("ctrl+shift+z")
-    yield 1.0
+    yield from window.until(done, what)
     yield from window.redrawn()
 
 
