@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::hints::Hints;
 use crate::map_search::{self, SampledPair, Width};
 use crate::nearest::nearest;
-use crate::pair::{Mirror, Pair, Shares};
+use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
 use crate::pointwise_map::{self, SurfacePoint};
 use crate::progress::Progress;
 use crate::quality;
@@ -70,6 +70,8 @@ pub struct Options {
     pub landmarks: Vec<(u32, u32)>,
     /// Whether left, front and up are the same directions on both shapes.
     pub same_axes: bool,
+    /// Parts of the automatic method that are not used, to see what they contribute.
+    pub left_out: LeftOut,
 }
 
 impl Default for Options {
@@ -80,6 +82,7 @@ impl Default for Options {
             shares: None,
             landmarks: Vec::new(),
             same_axes: false,
+            left_out: LeftOut::default(),
         }
     }
 }
@@ -162,6 +165,7 @@ pub fn match_shapes(
                 shares: options.shares.unwrap_or(Shares::BOTH),
                 mirror: options.mirror,
                 hints: &hints,
+                left_out: options.left_out,
             };
             let hypotheses = if options.shares.is_some() {
                 let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
@@ -192,7 +196,7 @@ fn whole_or_part(
     };
     let mut best = search(Shares::BOTH, Width::default(), (0.0, 0.3))?;
     let whole = best[0].figures;
-    if !quality::doubtful(&whole) {
+    if !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
         return Ok(best);
     }
     let mut bound = PART_FITS_BETTER * whole.rank();
@@ -227,6 +231,11 @@ fn hypotheses(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
     report("search", 0.0)?;
+    let width = if pair.uses(Part::Search) {
+        width
+    } else {
+        Width { first: 1, beam: 1 }
+    };
     let candidates = SampledPair::new(*pair).search(width, progress)?;
     report("selection", 0.5)?;
     selection::vote(pair, &candidates, &|f| report("selection", 0.5 + 0.5 * f))
@@ -291,7 +300,11 @@ fn fits_better_where_it_differs(pair: &Pair<'_>, map: &Completed, other: &Comple
         sum / share
     };
     let misfit = |c: &Completed| -> f64 {
-        let distances = mean(&|v| c.distortion[v].powi(2)).sqrt();
+        let distances = if pair.uses(Part::Geodesic) {
+            mean(&|v| c.distortion[v].powi(2)).sqrt()
+        } else {
+            1.0
+        };
         let (own, there) = (&target.descriptors.detail, &source.descriptors.detail);
         (0..DETAIL_CURVATURES).fold(distances, |product, scale| {
             let bend = |v: usize| (own[(v, scale)] - there[(c.images[v] as usize, scale)]).abs();
@@ -339,6 +352,7 @@ pub fn completed(
         shares: hypothesis.shares,
         mirror: Mirror::Allow,
         hints,
+        left_out: LeftOut::default(),
     };
     let mut found = completed_and_ranked(&pair, hypothesis, progress, report)?.found;
     found.hints = Arc::clone(hints);

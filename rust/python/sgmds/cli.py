@@ -8,7 +8,7 @@ import json
 import sys
 from pathlib import Path
 
-from .matching import METHODS
+from .matching import METHODS, PARTS
 from .shape import METRICS
 
 CANCELLED = 130
@@ -89,6 +89,12 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--reverse", action="store_true", help="every pair the other way round")
     evaluate.add_argument("--metric", choices=METRICS, default="euclidean")
     evaluate.add_argument("--part", choices=("source", "target"))
+    evaluate.add_argument(
+        "--without",
+        action="append",
+        choices=PARTS,
+        help="leave a part of the automatic method out; repeatable",
+    )
     evaluate.add_argument("--mirror", choices=("forbid", "allow"))
     evaluate.add_argument("--cache", type=Path, metavar="DIR", help="keep truth distances there between runs")
     evaluate.add_argument("--json", type=Path, metavar="OUT", help="all figures")
@@ -100,9 +106,9 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.set_defaults(run=_evaluate)
 
     reproduce = commands.add_parser(
-        "reproduce", help="the paper's experiments", description=_reproduce.__doc__
+        "reproduce", help="the paper's experiments, and an ablation", description=_reproduce.__doc__
     )
-    reproduce.add_argument("experiment", choices=("curves", "noise", "runtime"))
+    reproduce.add_argument("experiment", choices=("curves", "noise", "runtime", "ablation"))
     reproduce.add_argument("folder", type=Path, help="a set (has pairs.txt), or a folder of sets")
     reproduce.add_argument("--set", action="append", metavar="NAME", help="only this set; repeatable")
     reproduce.add_argument("--method", action="append", choices=METHODS, help="repeatable")
@@ -207,7 +213,7 @@ def _evaluate(options) -> int:
         compare=options.plot is not None,
         cache=options.cache,
         report=None if options.quiet else lambda line: print(line, flush=True),
-        **_given(options, "part", "mirror", "threads", "seed"),
+        **_given(options, "part", "mirror", "without", "threads", "seed"),
     )
     if options.json:
         options.json.write_text(json.dumps(result.as_json(), indent=1) + "\n", encoding="utf-8")
@@ -218,8 +224,8 @@ def _evaluate(options) -> int:
 
 
 def _reproduce(options) -> int:
-    """Error curves of the methods; their errors under noise along the normals and with triangles missing; or
-    user CPU times of the stages by mesh size."""
+    """Error curves of the methods; their errors under noise along the normals and with triangles missing;
+    user CPU times of the stages by mesh size; or what the parts of the automatic method contribute."""
     from . import experiments
 
     def report(line):
@@ -233,7 +239,7 @@ def _reproduce(options) -> int:
         ]
     else:
         given = {"cache": options.cache, "every": options.every, "report": report}
-        if options.method:
+        if options.method and options.experiment != "ablation":
             given["methods"] = options.method
         if options.experiment == "curves":
             given["plot"] = options.plot
