@@ -435,30 +435,15 @@ fn by_paper(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Embedding> {
     report("distance operator", 0.0)?;
-    let size = |s: &Shape| PAPER_SIZE.min(s.distance_operator.nrows());
-    let k = size(source).min(size(target));
-    let operator = |s: &Shape| {
-        let m = s.marched();
-        let distances = Mat::from_fn(m.len(), m.len(), |i, j| {
-            let d = |a: usize, b: usize| f64::from(s.fields[(m[a] as usize, b)]);
-            f64::midpoint(d(i, j), d(j, i))
-        });
-        distance_operator::from_samples(
-            dense::gather_rows(s.basis.functions.as_ref(), m, k).as_ref(),
-            &s.basis.values[..k],
-            distances.as_ref(),
-            distance_operator::DATA_PENALTY,
-        )
-    };
-    let (target_operator, source_operator) = (operator(target)?, operator(source)?);
+    let (target_operator, source_operator) = paper_operators(source, target)?;
     report("S-GMDS", 0.2)?;
-    let objective = Objective {
-        target_operator: target_operator.as_ref(),
-        source_operator: source_operator.as_ref(),
-        target_values: &target.basis.values[..k],
-        source_values: &source.basis.values[..k],
-        weights: Weights::default(),
-    };
+    let k = target_operator.nrows();
+    let objective = paper_objective(
+        source,
+        target,
+        target_operator.as_ref(),
+        source_operator.as_ref(),
+    );
     let seed = map_search::best_signs(target_operator.as_ref(), source_operator.as_ref());
     let start = spectral_gmds::continued_signs(
         seed.as_ref(),
@@ -508,6 +493,62 @@ fn embedded(
     )?;
     found.convergence = Some(embedding.convergence);
     Ok(found)
+}
+
+/// α₁, α₂ of the paper's method, both `(k, k)`.
+fn paper_operators(source: &Shape, target: &Shape) -> Result<(Mat<f64>, Mat<f64>)> {
+    let size = |s: &Shape| PAPER_SIZE.min(s.distance_operator.nrows());
+    let k = size(source).min(size(target));
+    let operator = |s: &Shape| {
+        let m = s.marched();
+        let distances = Mat::from_fn(m.len(), m.len(), |i, j| {
+            let d = |a: usize, b: usize| f64::from(s.fields[(m[a] as usize, b)]);
+            f64::midpoint(d(i, j), d(j, i))
+        });
+        distance_operator::from_samples(
+            dense::gather_rows(s.basis.functions.as_ref(), m, k).as_ref(),
+            &s.basis.values[..k],
+            distances.as_ref(),
+            distance_operator::DATA_PENALTY,
+        )
+    };
+    Ok((operator(target)?, operator(source)?))
+}
+
+fn paper_objective<'a>(
+    source: &'a Shape,
+    target: &'a Shape,
+    target_operator: MatRef<'a, f64>,
+    source_operator: MatRef<'a, f64>,
+) -> Objective<'a> {
+    let k = target_operator.nrows();
+    Objective {
+        target_operator,
+        source_operator,
+        target_values: &target.basis.values[..k],
+        source_values: &source.basis.values[..k],
+        weights: Weights::default(),
+    }
+}
+
+/// S-GMDS energy of any map, so that maps of both methods and of many pairs can be compared: how
+/// much it changes distances, spectrum and areas, 0 for an isometry. The paper's C is the transpose
+/// of the functional map α, at unit area.
+///
+/// # Errors
+/// [`Error::NotFactorised`] as in the paper's method.
+pub fn energy(source: &Shape, target: &Shape, functional_map: MatRef<'_, f64>) -> Result<f64> {
+    let (target_operator, source_operator) = paper_operators(source, target)?;
+    let objective = paper_objective(
+        source,
+        target,
+        target_operator.as_ref(),
+        source_operator.as_ref(),
+    );
+    let to_unit_area = source.unit / target.unit;
+    let k = target_operator.nrows();
+    let c = Mat::from_fn(k, k, |i, j| to_unit_area * functional_map[(j, i)]);
+    Ok(objective.value(c.as_ref()).0)
 }
 
 /// The map with confidence and functional map, and its local distortion at each target vertex, from two embeddings and the vertex maps between them.

@@ -306,6 +306,10 @@ impl RawMatch {
             dict.set_item("steps", end.steps)?;
             dict.set_item("converged", end.converged)?;
         }
+        let map = self.found.functional_map.as_ref();
+        let energy = matching::energy(&self.source, &self.target, map)
+            .map_err(|e| errors::to_python(py, &e))?;
+        dict.set_item("sgmds_energy", energy)?;
         Ok(dict)
     }
 
