@@ -120,6 +120,28 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument("--plot", type=Path, metavar="OUT.svg", help="the error curves")
     reproduce.set_defaults(run=_reproduce)
 
+    batch = commands.add_parser("batch", help="match many pairs, unattended", description=_batch.__doc__)
+    batch.add_argument(
+        "manifest", type=Path, metavar="MANIFEST.toml", help="what to match; see docs/batch.md"
+    )
+    batch.add_argument("-o", "--output", type=Path, metavar="DIR", help="instead of the manifest's folder")
+    batch.add_argument("--jobs", type=_positive, metavar="N", help="worker processes (default: the cores)")
+    batch.add_argument("--scheduler", metavar="ADDRESS", help="the dask scheduler whose workers do the work")
+    earlier = batch.add_mutually_exclusive_group()
+    earlier.add_argument("--resume", action="store_true", help="take up the results in the output folder")
+    earlier.add_argument("--overwrite", action="store_true", help="forget them and begin anew")
+    batch.add_argument(
+        "--anywhere", action="store_true", help="let the manifest name places outside of its folder"
+    )
+    batch.add_argument("--cache", type=Path, metavar="DIR", help="where prepared shapes are kept")
+    batch.add_argument(
+        "--cache-limit", type=_positive, default=10, metavar="GB", help="its size at most (default 10)"
+    )
+    batch.add_argument(
+        "--threads", type=_positive, metavar="N", help="of each pair (default: cores over jobs)"
+    )
+    batch.set_defaults(run=_batch)
+
     bench = commands.add_parser("bench", help="time the stages", description=_bench.__doc__)
     bench.add_argument(
         "--sizes", type=_sizes, metavar="N,N,…", help="vertices of a shape (default 5000,20000,50000)"
@@ -249,6 +271,32 @@ def _reproduce(options) -> int:
     return 0
 
 
+def _batch(options) -> int:
+    """Match the pairs of a manifest, or all of its shapes against all, and report how alike they are. What is
+    done survives a crash: --resume goes on from there."""
+    from . import batch
+
+    with _PairsBar() as bar:
+        summary = batch.run(
+            options.manifest,
+            output=options.output,
+            scheduler_address=options.scheduler,
+            resume=options.resume,
+            overwrite=options.overwrite,
+            anywhere=options.anywhere,
+            cache=options.cache,
+            cache_limit=options.cache_limit * 2**30,
+            progress=bar,
+            tell=bar.tell,
+            **_given(options, "jobs", "threads"),
+        )
+    grades = ", ".join(f"{count} {grade}" for grade, count in summary["grades"].items() if count)
+    print(f"{summary['folder']}: {summary['done']} of {summary['pairs']} pairs matched ({grades or 'none'})")
+    if summary["failed"]:
+        return _fail(f"{summary['failed']} pairs failed: see {summary['folder']}/pairs.csv")
+    return 0
+
+
 def _bench(options) -> int:
     """Time a pair of generated characters of growing size, stage by stage, beside peers."""
     from . import benchmark
@@ -287,6 +335,37 @@ class _ProgressBar:
             self._bar.n = round(100 * fraction, 1)
             self._bar.refresh()
         return True
+
+
+class _PairsBar:
+    """`progress` and `tell` for `batch`: pairs done and time left on a terminal; lines alone elsewhere."""
+
+    def __enter__(self):
+        self._bar = None
+        return self
+
+    def __exit__(self, *_):
+        if self._bar is not None:
+            self._bar.close()
+
+    def __call__(self, done: int, every: int):
+        if not sys.stderr.isatty():
+            return
+        if self._bar is None:
+            from tqdm import tqdm
+
+            self._bar = tqdm(
+                total=every,
+                initial=done,
+                bar_format="{n} of {total} pairs {bar}{percentage:4.0f} %  {elapsed} gone, {remaining} left",
+            )
+        self._bar.update(done - self._bar.n)
+
+    def tell(self, line: str):
+        if self._bar is not None:
+            self._bar.write(line, file=sys.stderr)
+        else:
+            print(line, file=sys.stderr)
 
 
 if __name__ == "__main__":
