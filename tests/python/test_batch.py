@@ -299,9 +299,8 @@ def test_two_runs_do_not_write_to_one_folder(meshes, cache, tmp_path, capsys):
 def dask_cluster(tmp_path):
     """A scheduler and two workers, processes of their own: address and workers."""
     place = tmp_path / "scheduler.json"
-    here = {**os.environ, "DASK_DISTRIBUTED__WORKER__PRELOAD": ""}
     common = ["--scheduler-file", str(place), "--host", "127.0.0.1", "--no-dashboard"]
-    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "env": here, "cwd": tmp_path}
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
     python = [sys.executable, "-m"]
     scheduler = subprocess.Popen([*python, "distributed.cli.dask_scheduler", *common, "--port", "0"], **quiet)
     worker = [*python, "distributed.cli.dask_worker", *common, "--nthreads", "1", "--no-nanny"]

@@ -36,7 +36,7 @@ def run(tasks: Iterable[Task], address: str, settings: Settings) -> Iterator[tup
         prepared = {}
         under_way = {}
         coming = iter(tasks)
-        finished = as_completed()
+        finished = as_completed(loop=client.loop)
 
         def submit(task):
             for path in (task.source, task.target):
