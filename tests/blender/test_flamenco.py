@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The Flamenco job type in a JavaScript engine, against a stub of Flamenco's author API, and the commands that
-it makes against our own command line."""
+"""The Flamenco job type in a JavaScript engine, against a stub of Flamenco's author API, and the commands it
+makes against our own command line."""
 
 import json
 from pathlib import Path
@@ -14,8 +14,8 @@ from addon import command_line
 
 SCRIPT = Path(command_line.__file__).parent / "flamenco" / "spectral_match.js"
 
-# What Flamenco Manager gives to a job type: objects with the same methods, `path` with Go's functions. Whatever
-# else the script calls does not exist here and is an error, as it is there.
+# What Flamenco Manager gives to a job type: objects with the same methods, `path` with Go's functions.
+# Whatever else the script calls does not exist here and is an error, as it is there.
 STUB = """
 const author = {
     Task: (name, type) => {
@@ -26,7 +26,7 @@ const author = {
         return made;
     },
     Command: (name, parameters) => {
-        if (typeof name !== "string" || typeof parameters !== "object") throw new TypeError("Command(name, {})");
+        if (typeof name !== "string" || typeof parameters !== "object") throw new TypeError("Command");
         return { name, parameters };
     },
 };

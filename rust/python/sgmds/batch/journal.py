@@ -29,10 +29,16 @@ class Journal:
         self._places = array("q", [NOT_THERE]) * len(batch)
         self._common = repr((core_hash().hex(), sorted(batch.options.items())))
         self._index = {shape.name: i for i, shape in enumerate(batch.shapes)}
-        self._file = None
+        self._file = open(self.path, "ab+")
+        self._read()
 
     def __enter__(self):
-        self._file = open(self.path, "ab+")
+        return self
+
+    def __exit__(self, *_):
+        self._file.close()
+
+    def _read(self):
         self._file.seek(0)
         place = 0
         for line in self._file:
@@ -43,10 +49,6 @@ class Journal:
         if place and not line.endswith(b"\n"):
             # The last run was stopped while it wrote; its torn line is done again.
             self._file.write(b"\n")
-        return self
-
-    def __exit__(self, *_):
-        self._file.close()
 
     def add(self, number: int, outcome: Outcome):
         pair = self._batch.pair(number)

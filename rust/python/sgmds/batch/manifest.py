@@ -68,8 +68,11 @@ class Batch:
     def number(self, source: int, target: int) -> int | None:
         """Number of the pair of two shapes, or None when the manifest does not ask for it."""
         if source < self.everyone and target < self.everyone and source != target:
-            return source * (self.everyone - 1) + target - (target > source)
+            return self._square_number(source, target)
         return self._listed_numbers().get((source, target))
+
+    def _square_number(self, source: int, target: int) -> int:
+        return source * (self.everyone - 1) + target - (target > source)
 
     def order(self) -> Iterator[int]:
         """Numbers of all pairs in the order of work."""
@@ -78,7 +81,7 @@ class Batch:
             for source in range(first_source, min(first_source + TILE, self.everyone)):
                 for target in range(first_target, min(first_target + TILE, self.everyone)):
                     if source != target:
-                        yield self.number(source, target)
+                        yield self._square_number(source, target)
         yield from range(len(self) - len(self.listed), len(self))
 
     def _listed_numbers(self):

@@ -7,6 +7,7 @@ import signal
 from collections import deque
 from collections.abc import Iterable, Iterator
 from multiprocessing.connection import wait
+from typing import Any
 
 from .work import Outcome, Settings, Task, Worker, failure
 
@@ -20,18 +21,17 @@ def run(tasks: Iterable[Task], jobs: int, settings: Settings) -> Iterator[tuple[
     again: deque[Task] = deque()
     deaths: dict[int, int] = {}
     idle: list[_Process] = []
-    busy: dict[object, _Process] = {}
+    busy: dict[Any, tuple[_Process, Task]] = {}
     try:
         while True:
             while len(busy) < jobs and (task := again.popleft() if again else next(coming, None)):
                 process = idle.pop() if idle else _Process(settings)
                 process.begin(task)
-                busy[process.pipe] = process
+                busy[process.pipe] = process, task
             if not busy:
                 return
             for pipe in wait(list(busy)):
-                process = busy.pop(pipe)
-                task = process.task
+                process, task = busy.pop(pipe)
                 outcome = process.outcome()
                 if outcome is not None:
                     idle.append(process)
@@ -44,7 +44,7 @@ def run(tasks: Iterable[Task], jobs: int, settings: Settings) -> Iterator[tuple[
                 else:
                     yield task, Outcome(failure(f"the worker process ended each time, {died}"))
     finally:
-        for process in (*idle, *busy.values()):
+        for process in (*idle, *(process for process, _ in busy.values())):
             process.end()
 
 
@@ -55,13 +55,11 @@ class _Process:
         # A fork would copy the threads' locks in whatever state they are.
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
-        self.task = None
         self._process = context.Process(target=serve, args=(theirs, settings), daemon=True)
         self._process.start()
         theirs.close()
 
     def begin(self, task):
-        self.task = task
         try:
             self.pipe.send(task)
         except OSError:
@@ -82,7 +80,7 @@ class _Process:
         if self._process.is_alive():
             self._process.terminate()
         self._process.join()
-        code = self._process.exitcode
+        code = self._process.exitcode or 0
         return f"by signal {-code} (out of memory?)" if code < 0 else f"with status {code}"
 
 

@@ -37,7 +37,9 @@ def write(batch: Batch, records: Iterable[tuple[int, dict | None]]) -> dict:
     sources, targets = _sides(batch)
     rows, columns = ({s: i for i, s in enumerate(side)} for side in (sources, targets))
     matrices = {name: np.full((len(sources), len(targets)), np.nan) for name in MATRICES}
-    statuses, grades, failures = Counter(), Counter(), []
+    statuses: Counter[str] = Counter()
+    grades: Counter[str] = Counter()
+    failures = []
     names = [shape.name for shape in batch.shapes]
     with _whole(batch.folder / "pairs.csv") as file:
         table = csv.writer(file, lineterminator="\n")
@@ -95,12 +97,11 @@ def _shown(path: Path, folder: Path) -> str:
 
 
 @contextmanager
-def _whole(path: Path, mode="w"):
+def _whole(path: Path, binary=False):
     """A file that takes its name only when it is complete."""
     handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    text = {} if "b" in mode else {"encoding": "utf-8", "newline": ""}
     try:
-        with open(handle, mode, **text) as file:
+        with open(handle, "wb") if binary else open(handle, "w", encoding="utf-8", newline="") as file:
             yield file
         os.replace(temporary, path)
     except BaseException:
@@ -126,5 +127,5 @@ def _picture(path, matrices, sources, targets):
             axes.set_xticks(range(len(targets)), targets, rotation=90, fontsize=6)
             axes.set_yticks(range(len(sources)), sources, fontsize=6)
         figure.colorbar(image, ax=axes, shrink=0.8)
-    with _whole(path, "wb") as file:
+    with _whole(path, binary=True) as file:
         figure.savefig(file, format="png", dpi=120, metadata={"Software": None})

@@ -15,6 +15,7 @@ from ..cache import LIMIT_BYTES, ShapeCache
 from ..errors import SgmdsError
 from ..files import read_mesh
 from ..matching import match
+from ..shape import Shape
 
 MEMORY_VERTICES = 100_000
 """Vertices of the prepared shapes that a process keeps in memory, at some 3 kB each; two shapes at least."""
@@ -56,7 +57,7 @@ class Worker:
 
     def __init__(self, settings: Settings):
         self.settings = settings
-        self._shapes: OrderedDict[Path, object] = OrderedDict()
+        self._shapes: OrderedDict[Path, Shape] = OrderedDict()
         self._lock = threading.Lock()
 
     def prepare(self, path: Path) -> None:
@@ -68,7 +69,7 @@ class Worker:
 
     def match(self, task: Task) -> Outcome:
         """Matches a pair and saves its map. Never raises: what went wrong is the record's `reason`."""
-        notes = []
+        notes: list[str] = []
         cache = self._cache(notes)
         started, cpu = time.perf_counter(), time.process_time()
         try:
