@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files, objects and outputs of one run of the command line, and the work on each of them."""
 
-import contextlib
+import dataclasses
 import glob
 import importlib
 import os
@@ -14,7 +14,7 @@ import bpy
 
 from . import core, mesh_write
 from .mesh_read import UnusableObjectError
-from .operators.match import make_job, store
+from .operators.match import reading, store, value_of
 from .transfer import KINDS, carry_all
 
 DEFAULT_OUTPUT = "{file}.blend"
@@ -110,7 +110,7 @@ def read_manifest(path, folder, anywhere):
             toml.check_keys(entry, JOB, where)
             jobs += _file_jobs(toml, home, folder, anywhere, table, entry, where)
     except (ValueError, OSError, WrongRequestError) as reason:
-        # The core's ArgumentError is a ValueError.
+        # Errors of the core about a manifest are ValueErrors.
         words = str(reason)
         raise WrongRequestError(words if str(path) in words else f"{path}: {words}") from reason
     if not jobs:
@@ -270,13 +270,13 @@ def _targets(context, pairing, source):
 
 
 def _pair(context, job, request, source, target):
-    entry = {"source": source.name, "target": target.name, "status": "failed"}
+    entry = {"source": source.name, "target": target.name, "status": "failed", "notes": []}
     begun = time.monotonic()
     try:
         if target.data == source.data:
             raise UnusableObjectError("source and target share one mesh, so they have the same data already")
         if request.match:
-            _match(context, request, source, target)
+            entry["notes"] += _match(context, request, source, target)
         stored = target.data.spectral_match
         if stored.target_fingerprint:
             entry |= {
@@ -286,10 +286,10 @@ def _pair(context, job, request, source, target):
             }
         if request.transfer:
             with mesh_write.object_mode(context, [source, target]):
-                notes = carry_all(
+                entry["notes"] += carry_all(
                     target, context.scene.spectral_match, lambda kind, _name: kind.identifier in job.kinds
                 )
-            entry |= {"transferred": sorted(job.kinds), "notes": notes}
+            entry["transferred"] = sorted(job.kinds)
         entry["status"] = "done"
     except (UnusableObjectError, core.CoreMissingError, RuntimeError) as reason:
         entry["reason"] = " ".join(str(reason).split())
@@ -299,10 +299,9 @@ def _pair(context, job, request, source, target):
 
 
 def _match(context, request, source, target):
-    """Match and store one target; raises `UnusableObjectError` with the reason of a failure."""
-    settings = context.scene.spectral_match
-    with _set_for_now(settings, request.options):
-        matching = make_job(context, source, [target])
+    """Match and store one target; returns warnings, raises `UnusableObjectError` with a failure's reason."""
+    matching = value_of(reading(context, source, [target]))
+    matching.options = dataclasses.replace(matching.options, **request.options)
     told = None
     matching.start()
     try:
@@ -321,21 +320,7 @@ def _match(context, request, source, target):
     _, trouble = store(context, matching)
     if trouble:
         raise UnusableObjectError("; ".join(trouble))
-
-
-@contextlib.contextmanager
-def _set_for_now(settings, options):
-    """The scene's settings with the run's options in place of its own, which are what is saved."""
-    words = {"part": lambda v: v.upper(), "mirror": lambda v: v == "allow", "method": lambda v: v}
-    names = {"part": "part", "mirror": "allow_mirror", "method": "method"}
-    kept = {names[name]: getattr(settings, names[name]) for name in options}
-    try:
-        for name, value in options.items():
-            setattr(settings, names[name], words[name](value))
-        yield
-    finally:
-        for name, value in kept.items():
-            setattr(settings, name, value)
+    return matching.notes
 
 
 def save(output):
