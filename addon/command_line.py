@@ -10,7 +10,6 @@ import json
 import os
 import signal
 import sys
-import tempfile
 from pathlib import Path
 
 import bpy
@@ -156,14 +155,12 @@ def _jobs(wishes):
 
 def _write_whole(path, text):
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        with open(handle, "w", encoding="utf-8") as file:
-            file.write(text)
+        temporary.write_text(text, encoding="utf-8")
         os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _tell(words):

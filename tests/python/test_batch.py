@@ -106,7 +106,7 @@ def test_every_pair_is_matched_as_it_is_alone(reference, meshes):
     source, target = (sgmds.files.read_mesh(meshes / f"{name}.off") for name in ("bee", "dog"))
     alone = sgmds.match(source, target, method="paper")
     row = next(r for r in rows if (r["source"], r["target"]) == ("bee", "dog"))
-    assert float(row["energy"]) == alone.quality.figures["energy"]
+    assert float(row["energy"]) == alone.quality.figures["sgmds_energy"]
     assert float(row["confidence"]) == alone.confidence.mean()
     stored = sgmds.Correspondence.load(reference / row["map"])
     assert np.array_equal(stored.faces, alone.faces)
@@ -118,8 +118,8 @@ def test_energy_matrix_knows_what_is_alike(reference):
     energy = {(r["source"], t): float(r[t]) for r in rows for t in SHAPES if r[t]}
     assert len(energy) == 12
     alike = [energy.pop(("ant", "cat")), energy.pop(("cat", "ant"))]
-    # One body in two positions: an isometry, where every term of the energy vanishes.
-    assert max(alike) < 1e-6 < min(energy.values())
+    # One body in two positions: an isometry, where every term vanishes but for the fit of the functional map.
+    assert 10 * max(alike) < min(energy.values())
 
 
 def test_shapes_are_prepared_once(reference):

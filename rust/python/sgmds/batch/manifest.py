@@ -13,6 +13,7 @@ from pathlib import Path
 
 from ..errors import ArgumentError
 from ..files import mesh_format, mesh_name
+from ..matching import METHODS
 
 MAP_NAME = "maps/{source}--{target}.npz"
 TILE = 8
@@ -132,7 +133,7 @@ TOP = {
 }
 PAIR = {"source": (str, list), "target": (str, list), "map": str, "landmarks": list}
 OPTIONS = {
-    "method": ("auto", "paper"),
+    "method": METHODS,
     "part": ("source", "target"),
     "mirror": ("forbid", "allow"),
 }

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import os
-import tempfile
 from collections import Counter
 from collections.abc import Iterable
-from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
+from ..whole_file import whole_file
 from .manifest import Batch
 
 COLUMNS = ("status", "grade", "energy", "local_distortion", "orientation", "confidence", "unmatched")
@@ -41,7 +39,7 @@ def write(batch: Batch, records: Iterable[tuple[int, dict | None]]) -> dict:
     grades: Counter[str] = Counter()
     failures = []
     names = [shape.name for shape in batch.shapes]
-    with _whole(batch.folder / "pairs.csv") as file:
+    with whole_file(batch.folder / "pairs.csv") as file:
         table = csv.writer(file, lineterminator="\n")
         table.writerow(("source", "target", *COLUMNS, "map", "reason"))
         for number, record in records:
@@ -62,7 +60,7 @@ def write(batch: Batch, records: Iterable[tuple[int, dict | None]]) -> dict:
     matrices = {name: matrix for name, matrix in matrices.items() if np.isfinite(matrix).any()}
     labels = [names[s] for s in sources], [names[t] for t in targets]
     for name, matrix in matrices.items():
-        with _whole(batch.folder / f"{name}.csv") as file:
+        with whole_file(batch.folder / f"{name}.csv") as file:
             table = csv.writer(file, lineterminator="\n")
             table.writerow(("source", *labels[1]))
             for label, row in zip(labels[0], matrix.tolist(), strict=True):
@@ -79,7 +77,7 @@ def write(batch: Batch, records: Iterable[tuple[int, dict | None]]) -> dict:
         "grades": {grade: grades[grade] for grade in GRADES},
         "failures": failures,
     }
-    with _whole(batch.folder / "report.json") as file:
+    with whole_file(batch.folder / "report.json") as file:
         file.write(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
     return summary
 
@@ -94,19 +92,6 @@ def _sides(batch):
 
 def _shown(path: Path, folder: Path) -> str:
     return (path.relative_to(folder) if path.is_relative_to(folder) else path).as_posix()
-
-
-@contextmanager
-def _whole(path: Path, binary=False):
-    """A file that takes its name only when it is complete."""
-    handle, temporary = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
-    try:
-        with open(handle, "wb") if binary else open(handle, "w", encoding="utf-8", newline="") as file:
-            yield file
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
 
 
 def _picture(path, matrices, sources, targets):
@@ -127,5 +112,5 @@ def _picture(path, matrices, sources, targets):
             axes.set_xticks(range(len(targets)), targets, rotation=90, fontsize=6)
             axes.set_yticks(range(len(sources)), sources, fontsize=6)
         figure.colorbar(image, ax=axes, shrink=0.8)
-    with _whole(path, binary=True) as file:
+    with whole_file(path, binary=True) as file:
         figure.savefig(file, format="png", dpi=120, metadata={"Software": None})

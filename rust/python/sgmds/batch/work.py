@@ -19,7 +19,13 @@ from ..shape import Shape
 
 MEMORY_VERTICES = 100_000
 """Vertices of the prepared shapes that a process keeps in memory, at some 3 kB each; two shapes at least."""
-FIGURES = ("energy", "local_distortion", "orientation", "unmatched")
+FIGURES = {
+    "energy": "sgmds_energy",
+    "local_distortion": "local_distortion",
+    "orientation": "orientation",
+    "unmatched": "unmatched",
+}
+"""Figures of a record, and their names in `Quality.figures`; not every method has all of them."""
 
 
 @dataclass(frozen=True)
@@ -106,7 +112,8 @@ class Worker:
             task.map.parent.mkdir(parents=True, exist_ok=True)
             corr.save(task.map)
         quality = corr.quality
-        figures = {name: quality.figures[name] for name in FIGURES if name in quality.figures}
+        known = quality.figures
+        figures = {name: known[theirs] for name, theirs in FIGURES.items() if theirs in known}
         return {
             "status": "done",
             "grade": quality.grade,
