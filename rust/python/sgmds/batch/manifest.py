@@ -9,6 +9,7 @@ import tomllib
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 
 from ..errors import ArgumentError
@@ -70,7 +71,7 @@ class Batch:
         """Number of the pair of two shapes, or None when the manifest does not ask for it."""
         if source < self.everyone and target < self.everyone and source != target:
             return self._square_number(source, target)
-        return self._listed_numbers().get((source, target))
+        return self._listed_numbers.get((source, target))
 
     def _square_number(self, source: int, target: int) -> int:
         return source * (self.everyone - 1) + target - (target > source)
@@ -85,11 +86,10 @@ class Batch:
                         yield self._square_number(source, target)
         yield from range(len(self) - len(self.listed), len(self))
 
-    def _listed_numbers(self):
-        if not hasattr(self, "_numbers"):
-            square = len(self) - len(self.listed)
-            self._numbers = {(p.source, p.target): square + i for i, p in enumerate(self.listed)}
-        return self._numbers
+    @cached_property
+    def _listed_numbers(self) -> dict[tuple[int, int], int]:
+        square = len(self) - len(self.listed)
+        return {(pair.source, pair.target): square + i for i, pair in enumerate(self.listed)}
 
     def _map(self, name, source, target) -> Path | None:
         if name is None:
