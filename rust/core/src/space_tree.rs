@@ -30,20 +30,22 @@ impl<'a> SpaceTree<'a> {
     }
 
     fn visit(&self, part: &[u32], query: Point, best: &mut Option<(f64, u32)>) {
-        if part.len() <= LEAF {
-            for &id in part {
-                let d = vector::sub(self.points[id as usize], query);
-                let found = (vector::dot(d, d), id);
-                if best.is_none_or(|b| found < b) {
-                    *best = Some(found);
-                }
+        let mut offer = |id: u32| {
+            let d = vector::sub(self.points[id as usize], query);
+            let found = (vector::dot(d, d), id);
+            if best.is_none_or(|b| found < b) {
+                *best = Some(found);
             }
+        };
+        if part.len() <= LEAF {
+            part.iter().copied().for_each(offer);
             return;
         }
         let axis = widest_axis(self.points, part);
         let middle = part.len() / 2;
+        offer(part[middle]);
         let at = self.points[part[middle] as usize][axis];
-        let (low, high) = part.split_at(middle);
+        let (low, high) = (&part[..middle], &part[middle + 1..]);
         let offset = query[axis] - at;
         let (near, far) = if offset < 0.0 {
             (low, high)
@@ -67,9 +69,10 @@ fn split(points: &[Point], part: &mut [u32]) {
         let key = |v: u32| points[v as usize][axis];
         key(a).total_cmp(&key(b)).then(a.cmp(&b))
     });
+    // The middle stays where it is: the search reads the dividing plane from it.
     let (low, high) = part.split_at_mut(middle);
     split(points, low);
-    split(points, high);
+    split(points, &mut high[1..]);
 }
 
 fn widest_axis(points: &[Point], part: &[u32]) -> usize {
@@ -84,4 +87,24 @@ fn widest_axis(points: &[Point], part: &[u32]) -> usize {
     (0..3)
         .max_by(|&a, &b| (high[a] - low[a]).total_cmp(&(high[b] - low[b])))
         .unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nearest_agrees_with_trying_every_point() {
+        let place = |i: f64| [(1.3 * i).sin(), (2.1 * i).cos(), (0.7 * i).sin() * 0.3];
+        let points: Vec<Point> = (0..500).map(|i| place(f64::from(i))).collect();
+        let tree = SpaceTree::new(&points);
+        for i in 0..300 {
+            let query = place(f64::from(i) + 0.37);
+            let distance = |p: &Point| vector::distance(*p, query);
+            let least = points.iter().map(distance).fold(f64::INFINITY, f64::min);
+            let found = tree.nearest(query).unwrap();
+            assert_eq!(distance(&points[found as usize]), least);
+        }
+        assert!((0..500).all(|i| tree.nearest(points[i]) == Some(i as u32)));
+    }
 }
