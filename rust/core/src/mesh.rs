@@ -90,7 +90,7 @@ impl Adjacency {
         }
     }
 
-    fn from_lists(rows: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
+    pub(crate) fn from_lists(rows: usize, pairs: impl Iterator<Item = (u32, u32)> + Clone) -> Self {
         let mut starts = vec![0u32; rows + 1];
         for (i, _) in pairs.clone() {
             starts[i as usize + 1] += 1;

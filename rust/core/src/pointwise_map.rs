@@ -98,6 +98,19 @@ fn closest_in_triangle(query: &[f32], [a, b, c]: [&[f32]; 3]) -> (f64, [f64; 3])
         qq += d * d;
     }
     let [uu, uv, vv, uq, vq, qq] = [uu, uv, vv, uq, vq, qq].map(f64::from);
+    closest_weights(uu, uv, vv, uq, vq, qq)
+}
+
+/// Squared distance from a query to a triangle and the barycentric weights of the closest point,
+/// from the products of its edges u, v at the first corner and the query's offset q from there.
+pub(crate) fn closest_weights(
+    uu: f64,
+    uv: f64,
+    vv: f64,
+    uq: f64,
+    vq: f64,
+    qq: f64,
+) -> (f64, [f64; 3]) {
     let cost =
         |s: f64, t: f64| qq - 2.0 * (s * uq + t * vq) + s * s * uu + 2.0 * s * t * uv + t * t * vv;
     let determinant = uu * vv - uv * uv;

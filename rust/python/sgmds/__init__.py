@@ -11,6 +11,7 @@ from .correspondence import Correspondence, Quality
 from .errors import ArgumentError, Cancelled, InternalError, MatchError, MeshError, SgmdsError
 from .matching import match
 from .shape import Shape
+from .transfer import SurfaceMap, judge_layout, uv_islands
 
 __all__ = [
     "ArgumentError",
@@ -22,9 +23,12 @@ __all__ = [
     "Quality",
     "SgmdsError",
     "Shape",
+    "SurfaceMap",
     "__version__",
     "evaluate",
+    "judge_layout",
     "match",
+    "uv_islands",
 ]
 
 

@@ -1,4 +1,4 @@
-"""The Rust core. Arrays are contiguous; only `shape.py`, `matching.py` and `correspondence.py` use it."""
+"""The Rust core. Arrays are contiguous; only the package's own modules use it."""
 
 from collections.abc import Callable, Sequence
 from typing import Any, final
@@ -9,11 +9,14 @@ from numpy.typing import NDArray
 __all__ = [
     "PreparedShape",
     "RawMatch",
+    "SurfaceMap",
     "__version__",
+    "judge_layout",
     "match_pair",
     "prepare",
     "restore",
     "transfer_values",
+    "uv_islands",
 ]
 
 __version__: str
@@ -83,8 +86,76 @@ def match_pair(
     part: str | None,
     landmarks: Sequence[tuple[int, int]],
     same_axes: bool,
-    without: Sequence[str],
     progress: _Progress = None,
     threads: int | None = None,
 ) -> RawMatch: ...
 def transfer_values(faces: _Ids, barycentric: _Floats, triangles: _Ids, values: _Floats) -> _Floats: ...
+
+@final
+class SurfaceMap:
+    def __new__(
+        cls,
+        source_vertices: _Floats,
+        source_triangles: _Ids,
+        target_vertices: _Floats,
+        target_triangles: _Ids,
+        faces: _Ids,
+        barycentric: _Floats,
+        confidence: _Floats,
+    ) -> SurfaceMap: ...
+    @property
+    def faces(self) -> _Ids: ...
+    @property
+    def barycentric(self) -> _Floats: ...
+    @property
+    def confidence(self) -> _Floats: ...
+    def images(self) -> _Floats: ...
+    def frames(self) -> tuple[_Floats, _Floats]: ...
+    def displacements(self, offsets: _Floats, turn_only: bool) -> _Floats: ...
+    def layout(
+        self, starts: _Ids, corner_vertices: _Ids, uv: _Floats
+    ) -> tuple[_Floats, _Ids, NDArray[np.bool_]]: ...
+    def corner_values(
+        self, starts: _Ids, corner_vertices: _Ids, values: _Floats, tolerance: float, nearest: bool
+    ) -> _Floats: ...
+    def skin_weights(
+        self,
+        starts: NDArray[np.uint32],
+        groups: NDArray[np.uint32],
+        weights: _Floats,
+        group_count: int,
+        deforming: NDArray[np.bool_],
+        reject_below: float,
+        smoothing: int,
+        prune: float,
+        limit: int | None,
+        normalize: bool,
+        room: _Floats | None,
+    ) -> tuple[_Ids, _Ids, _Floats, _Ids]: ...
+    def face_labels(self, starts: _Ids, corner_vertices: _Ids, labels: _Ids) -> _Ids: ...
+    def face_means(self, starts: _Ids, corner_vertices: _Ids, values: _Floats) -> _Floats: ...
+    def marks(self, source_edges: _Ids, values: _Floats, target_edges: _Ids) -> _Floats: ...
+    def joints(
+        self,
+        joints: _Floats,
+        starts: NDArray[np.uint32],
+        vertices: NDArray[np.uint32],
+        weights: _Floats,
+    ) -> tuple[_Floats, _Floats, _Floats]: ...
+    def followed(self, points: _Floats, pieces: _Ids) -> _Floats: ...
+    def bake(
+        self,
+        source_uv: _Floats,
+        target_uv: _Floats,
+        image: NDArray[np.float32],
+        width: int,
+        height: int,
+        margin: int,
+        straight_alpha: bool,
+        frames: Sequence[_Floats] | None,
+        progress: _Progress = None,
+    ) -> tuple[NDArray[np.float32], int]: ...
+    def filled(self, values: _Floats, unknown: NDArray[np.bool_]) -> _Floats: ...
+
+def judge_layout(corners: _Floats, uv: _Floats) -> dict[str, float]: ...
+def uv_islands(vertices: _Floats, triangles: _Ids, uv: _Floats) -> _Ids: ...

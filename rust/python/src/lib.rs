@@ -5,6 +5,7 @@
 )]
 
 mod errors;
+mod transfer;
 mod watched;
 
 use std::sync::Arc;
@@ -15,10 +16,10 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgmds_core::matching::{self, Correspondence, Method, Options};
 use sgmds_core::metric::Metric;
-use sgmds_core::pair::{LeftOut, Mirror, Shares};
+use sgmds_core::pair::{Mirror, Shares};
 use sgmds_core::selection::{Figures, Hypothesis};
 use sgmds_core::shape::Shape;
-use sgmds_core::{Error, quality, transfer};
+use sgmds_core::{Error, quality};
 
 use watched::watched;
 
@@ -306,10 +307,6 @@ impl RawMatch {
             dict.set_item("steps", end.steps)?;
             dict.set_item("converged", end.converged)?;
         }
-        let map = self.found.functional_map.as_ref();
-        let energy = matching::energy(&self.source, &self.target, map)
-            .map_err(|e| errors::to_python(py, &e))?;
-        dict.set_item("sgmds_energy", energy)?;
         Ok(dict)
     }
 
@@ -346,7 +343,7 @@ impl RawMatch {
 
 /// Matches two shapes, each prepared or a pair of contiguous arrays (float64, int64).
 #[pyfunction]
-#[pyo3(signature = (source, target, method, mirror, part, landmarks, same_axes, without, progress=None, threads=None))]
+#[pyo3(signature = (source, target, method, mirror, part, landmarks, same_axes, progress=None, threads=None))]
 #[expect(
     clippy::too_many_arguments,
     reason = "keyword arguments of the Python function"
@@ -360,7 +357,6 @@ fn match_pair(
     part: Option<&str>,
     landmarks: Vec<(u32, u32)>,
     same_axes: bool,
-    without: Vec<String>,
     progress: Option<&Bound<'_, PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<RawMatch> {
@@ -383,7 +379,6 @@ fn match_pair(
         },
         landmarks,
         same_axes,
-        left_out: LeftOut::named(&without).map_err(|e| errors::to_python(py, &e))?,
     };
     let (source, target) = (Input::extract(source)?, Input::extract(target)?);
     // Preparing is about half of the work.
@@ -422,7 +417,7 @@ fn transfer_values<'py>(
     let [rows, channels] = *values.as_array().shape() else {
         unreachable!("the array has two dimensions")
     };
-    let out = transfer::transfer(
+    let out = sgmds_core::transfer::transfer(
         &faces,
         &weights,
         &triangles,
@@ -446,5 +441,6 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(restore, module)?)?;
     module.add_function(wrap_pyfunction!(match_pair, module)?)?;
     module.add_function(wrap_pyfunction!(transfer_values, module)?)?;
+    transfer::register(module)?;
     Ok(())
 }

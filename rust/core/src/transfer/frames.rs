@@ -1,0 +1,249 @@
+//! How a map turns and scales the surroundings of each vertex.
+
+use faer::{Mat, Side};
+use rayon::prelude::*;
+
+use crate::transfer::surface::blend;
+use crate::transfer::surface_map::SurfaceMap;
+use crate::vector::{self, Point};
+
+type Matrix = [Point; 3];
+
+/// Rounds of averaging over neighbours before frames are fitted: images of neighbouring vertices
+/// are a fraction of an edge wrong, and directions between them much more so.
+const SMOOTHING_ROUNDS: usize = 4;
+
+/// Weight of the normals beside the edges in a frame's fit.
+const NORMAL_SHARE: f64 = 0.5;
+
+/// A similarity's linear part: `vector on the target = scale · turn · vector on the source`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Frame {
+    /// Rows of an orthogonal matrix; a mirroring one where the map turns left into right.
+    pub turn: [Point; 3],
+    /// Length on the target for a unit of length on the source, positive.
+    pub scale: f64,
+}
+
+impl Frame {
+    /// A displacement of the source as one of the target. Zero stays exactly zero.
+    #[must_use]
+    pub fn apply(&self, displacement: Point) -> Point {
+        self.turn
+            .map(|row| self.scale * vector::dot(row, displacement))
+    }
+}
+
+/// Sums over the edges at a vertex from which its frame is fitted.
+#[derive(Debug, Clone, Copy, Default)]
+struct Moments {
+    /// Σ target edge · source edgeᵀ.
+    covariance: Matrix,
+    target: f64,
+    source: f64,
+}
+
+impl Moments {
+    fn add(&mut self, other: &Self, factor: f64) {
+        for (row, other) in self.covariance.iter_mut().zip(other.covariance) {
+            *row = vector::add(*row, vector::scaled(other, factor));
+        }
+        self.target += factor * other.target;
+        self.source += factor * other.source;
+    }
+}
+
+/// Fits a frame at each target vertex to its edges, their images and the two normals.
+///
+/// A frame takes edges of the images to edges of the target in the least-squares sense (Horn,
+/// "Closed-form solution of absolute orientation using unit quaternions", 1987), with the normals
+/// as a third direction. Whether frames turn or mirror is decided once, for the whole map.
+#[must_use]
+pub fn frames(map: &SurfaceMap) -> Vec<Frame> {
+    let n = map.target.vertices.len();
+    let moments = smoothed_moments(map);
+    let source_normals = map.source.vertex_normals();
+    let target_normals = map.target.vertex_normals();
+    let image_normals: Vec<Point> = map
+        .points
+        .iter()
+        .map(|p| {
+            let corners = map.source.triangles[p.face as usize];
+            blend(corners.map(|v| source_normals[v as usize]), p.weights)
+        })
+        .collect();
+    let with_normals: Vec<Matrix> = (0..n)
+        .map(|v| {
+            let size = (moments[v].target * moments[v].source).sqrt() * NORMAL_SHARE;
+            let pair = outer(target_normals[v], image_normals[v]);
+            let mut covariance = moments[v].covariance;
+            for (row, other) in covariance.iter_mut().zip(pair) {
+                *row = vector::add(*row, vector::scaled(other, size));
+            }
+            covariance
+        })
+        .collect();
+    let sides: f64 = with_normals
+        .iter()
+        .map(|m| vector::dot(m[0], vector::cross(m[1], m[2])).signum())
+        .sum();
+    let mirrored = sides < 0.0;
+    let usual = usual_scale(&moments);
+    (0..n)
+        .into_par_iter()
+        .map(|v| {
+            let Moments { target, source, .. } = moments[v];
+            let scale = (target / source).sqrt();
+            Frame {
+                turn: nearest_turn(&with_normals[v], mirrored),
+                scale: if scale.is_finite() && scale > 0.0 {
+                    scale.clamp(usual / LARGEST_SCALE, usual * LARGEST_SCALE)
+                } else {
+                    usual
+                },
+            }
+        })
+        .collect()
+}
+
+/// The moments of each target vertex, averaged over its surroundings.
+fn smoothed_moments(map: &SurfaceMap) -> Vec<Moments> {
+    let n = map.target.vertices.len();
+    let mut moments = vec![Moments::default(); n];
+    let mut neighbours: Vec<Vec<u32>> = vec![Vec::new(); n];
+    for corners in &map.target.triangles {
+        for k in 0..3 {
+            let (a, b) = (corners[k] as usize, corners[(k + 1) % 3] as usize);
+            let d = vector::sub(map.target.vertices[b], map.target.vertices[a]);
+            let e = vector::sub(map.images()[b], map.images()[a]);
+            let edge = Moments {
+                covariance: outer(d, e),
+                target: vector::dot(d, d),
+                source: vector::dot(e, e),
+            };
+            moments[a].add(&edge, 1.0);
+            moments[b].add(&edge, 1.0);
+            neighbours[a].push(corners[(k + 1) % 3]);
+            neighbours[b].push(corners[k]);
+        }
+    }
+    for _ in 0..SMOOTHING_ROUNDS {
+        moments = (0..n)
+            .into_par_iter()
+            .map(|v| {
+                let mut sum = moments[v];
+                for &w in &neighbours[v] {
+                    sum.add(&moments[w as usize], 1.0 / neighbours[v].len() as f64);
+                }
+                sum
+            })
+            .collect();
+    }
+    moments
+}
+
+/// A scale further than this from that of the whole map is a fault of the map, not of the bodies.
+const LARGEST_SCALE: f64 = 4.0;
+
+fn usual_scale(moments: &[Moments]) -> f64 {
+    let (target, source) = moments
+        .iter()
+        .fold((0.0, 0.0), |(t, s), m| (t + m.target, s + m.source));
+    if target > 0.0 && source > 0.0 {
+        (target / source).sqrt()
+    } else {
+        1.0
+    }
+}
+
+fn outer(a: Point, b: Point) -> Matrix {
+    a.map(|x| vector::scaled(b, x))
+}
+
+/// The rotation, or with `mirrored` the rotation times −1, with the largest `Σ turn · matrix`.
+#[must_use]
+pub fn nearest_turn(matrix: &Matrix, mirrored: bool) -> Matrix {
+    let sign = if mirrored { -1.0 } else { 1.0 };
+    let size = matrix
+        .iter()
+        .map(|r| vector::dot(*r, *r))
+        .sum::<f64>()
+        .sqrt();
+    let identity = [[sign, 0.0, 0.0], [0.0, sign, 0.0], [0.0, 0.0, sign]];
+    if size.is_nan() || size <= 0.0 {
+        return identity;
+    }
+    // Horn's symmetric matrix of the covariance Σ source · targetᵀ.
+    let s = |i: usize, j: usize| sign * matrix[j][i] / size;
+    let rows = [
+        [
+            s(0, 0) + s(1, 1) + s(2, 2),
+            s(1, 2) - s(2, 1),
+            s(2, 0) - s(0, 2),
+            s(0, 1) - s(1, 0),
+        ],
+        [
+            s(1, 2) - s(2, 1),
+            s(0, 0) - s(1, 1) - s(2, 2),
+            s(0, 1) + s(1, 0),
+            s(2, 0) + s(0, 2),
+        ],
+        [
+            s(2, 0) - s(0, 2),
+            s(0, 1) + s(1, 0),
+            s(1, 1) - s(0, 0) - s(2, 2),
+            s(1, 2) + s(2, 1),
+        ],
+        [
+            s(0, 1) - s(1, 0),
+            s(2, 0) + s(0, 2),
+            s(1, 2) + s(2, 1),
+            s(2, 2) - s(0, 0) - s(1, 1),
+        ],
+    ];
+    let horn = Mat::from_fn(4, 4, |i, j| rows[i][j]);
+    let Ok(eigen) = horn.self_adjoint_eigen(Side::Lower) else {
+        return identity;
+    };
+    let q = eigen.U().col(3);
+    let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
+    let length = w * w + x * x + y * y + z * z;
+    let turn = [
+        [
+            w * w + x * x - y * y - z * z,
+            2.0 * (x * y - w * z),
+            2.0 * (x * z + w * y),
+        ],
+        [
+            2.0 * (x * y + w * z),
+            w * w - x * x + y * y - z * z,
+            2.0 * (y * z - w * x),
+        ],
+        [
+            2.0 * (x * z - w * y),
+            2.0 * (y * z + w * x),
+            w * w - x * x - y * y + z * z,
+        ],
+    ];
+    turn.map(|row| vector::scaled(row, sign / length))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_turn_and_a_mirror_come_back() {
+        let (c, s) = (0.3f64.cos(), 0.3f64.sin());
+        let turn = [[c, -s, 0.0], [s * c, c * c, -s], [s * s, s * c, c]];
+        for (factor, mirrored) in [(2.0, false), (-2.0, true)] {
+            let matrix = turn.map(|r| vector::scaled(r, factor));
+            let found = nearest_turn(&matrix, mirrored);
+            for (row, expected) in found.iter().zip(turn) {
+                for (x, e) in row.iter().zip(expected) {
+                    assert!((x - e * factor.signum()).abs() < 1e-12);
+                }
+            }
+        }
+    }
+}

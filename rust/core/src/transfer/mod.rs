@@ -1,0 +1,25 @@
+//! Data carried from source to target through a map.
+//!
+//! A [`SurfaceMap`] holds both surfaces in their own units and, for every target vertex, a point of
+//! the source. Each kind of data has a module.
+
+pub mod corners;
+pub mod curves;
+pub mod diffusion;
+pub mod displacement;
+pub mod frames;
+pub mod joints;
+pub mod labels;
+pub mod layout;
+pub mod parts;
+pub mod similarity;
+pub mod skin_weights;
+pub mod surface;
+pub mod surface_map;
+pub mod texture;
+pub mod unions;
+pub mod values;
+
+pub use surface::Surface;
+pub use surface_map::SurfaceMap;
+pub use values::transfer;

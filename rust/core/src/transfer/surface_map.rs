@@ -1,0 +1,111 @@
+//! A dense map between two surfaces as given, the ground on which all data travels.
+
+use std::sync::OnceLock;
+
+use crate::error::{Error, Result};
+use crate::pointwise_map::SurfacePoint;
+use crate::transfer::frames::{self, Frame};
+use crate::transfer::surface::Surface;
+use crate::vector::Point;
+
+/// Source, target and the image of every target vertex on the source.
+#[derive(Debug)]
+pub struct SurfaceMap {
+    /// The surface that has the data.
+    pub source: Surface,
+    /// The surface that receives it.
+    pub target: Surface,
+    /// Image of each target vertex, `(n_target)`.
+    pub points: Vec<SurfacePoint>,
+    /// How far each image is to be trusted, 0 to 1, `(n_target)`.
+    pub confidence: Vec<f64>,
+    images: Vec<Point>,
+    frames: OnceLock<Vec<Frame>>,
+}
+
+impl SurfaceMap {
+    /// Joins two surfaces and a map between them.
+    ///
+    /// `weights` are non-negative and sum to one, up to rounding.
+    ///
+    /// # Errors
+    /// [`Error::BadArgument`] when the lengths do not fit or a source triangle does not exist.
+    pub fn new(
+        source: Surface,
+        target: Surface,
+        faces: &[i64],
+        weights: &[[f64; 3]],
+        confidence: Vec<f64>,
+    ) -> Result<Self> {
+        let n = target.vertices.len();
+        for (name, found) in [
+            ("faces", faces.len()),
+            ("barycentric", weights.len()),
+            ("confidence", confidence.len()),
+        ] {
+            if found != n {
+                return Err(Error::BadArgument {
+                    what: format!(
+                        "`{name}` should have one entry for each of the {n} target vertices, \
+                         got {found}: give the map that was made for this target"
+                    ),
+                });
+            }
+        }
+        let m = source.triangles.len();
+        if let Some((vertex, face)) = faces
+            .iter()
+            .enumerate()
+            .find(|&(_, &f)| f < 0 || f as usize >= m)
+        {
+            return Err(Error::BadArgument {
+                what: format!(
+                    "target vertex {vertex} lies on source triangle {face}, but there are {m}: \
+                     give the map that was made for this source"
+                ),
+            });
+        }
+        let points: Vec<SurfacePoint> = faces
+            .iter()
+            .zip(weights)
+            .map(|(&face, &weights)| SurfacePoint {
+                face: face as u32,
+                weights,
+            })
+            .collect();
+        let images = points.iter().map(|p| source.position(p)).collect();
+        Ok(Self {
+            source,
+            target,
+            points,
+            confidence,
+            images,
+            frames: OnceLock::new(),
+        })
+    }
+
+    /// Where the image of each target vertex lies in space, `(n_target)`.
+    #[must_use]
+    pub fn images(&self) -> &[Point] {
+        &self.images
+    }
+
+    /// The turn and scale from source to target around each target vertex, `(n_target)`.
+    #[must_use]
+    pub fn frames(&self) -> &[Frame] {
+        self.frames.get_or_init(|| frames::frames(self))
+    }
+}
+
+/// Checks that an argument has as many rows as it should.
+///
+/// # Errors
+/// [`Error::BadArgument`].
+pub(crate) fn check_rows(name: &str, found: usize, rows: usize) -> Result<()> {
+    if found == rows {
+        return Ok(());
+    }
+    Err(Error::BadArgument {
+        what: format!("`{name}` should have {rows} rows, got {found}"),
+    })
+}

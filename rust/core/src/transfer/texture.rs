@@ -1,0 +1,526 @@
+//! Textures of the source baked into the target's own UV layout, texel by texel.
+
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use rayon::prelude::*;
+
+use crate::error::{Error, Result};
+use crate::pointwise_map::SurfacePoint;
+use crate::progress::Progress;
+use crate::transfer::corners::plane_weights;
+use crate::transfer::layout::scan_rows;
+use crate::transfer::surface::blend;
+use crate::transfer::surface_map::{SurfaceMap, check_rows};
+use crate::vector::{self, Point};
+
+/// Numbers a texel: red, green, blue, alpha.
+pub const CHANNELS: usize = 4;
+
+/// Largest side of an image.
+pub const LARGEST_SIDE: usize = 8192;
+
+/// Rows of the image that a thread fills at a time.
+const BAND: usize = 32;
+
+/// Most samples along each side of a texel where the source's texels are smaller.
+const MOST_SAMPLES: usize = 4;
+
+/// Alpha below which colours are mixed as if opaque: there is nothing to see.
+const TRANSPARENT: f32 = 1e-6;
+
+type Uv = [f64; 2];
+
+/// An image in rows from the bottom, as UV counts.
+#[derive(Debug, Clone, Copy)]
+pub struct Image<'a> {
+    /// Texels a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// `(height, width, 4)`.
+    pub pixels: &'a [f32],
+}
+
+/// Normals and tangents at the corners of triangles, `(m, 3)`: unit vectors, the tangent's fourth
+/// number being the sign of the bitangent.
+#[derive(Debug, Clone, Copy)]
+pub struct TangentSpace<'a> {
+    /// Normals.
+    pub normals: &'a [[Point; 3]],
+    /// Tangents along u.
+    pub tangents: &'a [[[f64; 4]; 3]],
+}
+
+/// What an image holds.
+#[derive(Debug, Clone, Copy)]
+pub enum Content<'a> {
+    /// Colours or other numbers; with `straight_alpha` colours count by their alpha in a mixture.
+    Colour {
+        /// Whether colours are stored apart from alpha.
+        straight_alpha: bool,
+    },
+    /// Normals in the tangent frames of the source, wanted in those of the target.
+    Normals {
+        /// Frames in which the image's normals are.
+        source: TangentSpace<'a>,
+        /// Frames in which they are wanted.
+        target: TangentSpace<'a>,
+    },
+}
+
+/// What is baked, and into what.
+#[derive(Debug, Clone, Copy)]
+pub struct Bake<'a> {
+    /// UVs of the source's triangles, `(m_source, 3)`.
+    pub source_uv: &'a [[Uv; 3]],
+    /// UVs of the target's triangles, `(m_target, 3)`.
+    pub target_uv: &'a [[Uv; 3]],
+    /// The source's image; it repeats beyond its borders.
+    pub image: Image<'a>,
+    /// What the image holds.
+    pub content: Content<'a>,
+    /// Texels a row of the result.
+    pub width: usize,
+    /// Rows of the result.
+    pub height: usize,
+    /// Texels by which islands are extended into the empty space.
+    pub margin: usize,
+}
+
+/// A baked image.
+#[derive(Debug)]
+pub struct Baked {
+    /// `(height, width, 4)`, zero where nothing was baked.
+    pub pixels: Vec<f32>,
+    /// Texels under a triangle, before the margin.
+    pub covered: usize,
+}
+
+/// Bakes: target texel → point of the target → point of the source → source UV → filtered sample.
+///
+/// # Errors
+/// [`Error::BadArgument`] when lengths do not fit or the image is too large,
+/// [`Error::Cancelled`].
+pub fn bake(map: &SurfaceMap, bake: &Bake<'_>, progress: &Progress) -> Result<Baked> {
+    check(map, bake)?;
+    let triangles: Vec<TargetTriangle> = (0..bake.target_uv.len())
+        .into_par_iter()
+        .map(|t| TargetTriangle::new(map, bake, t))
+        .collect();
+    let mut bands: Vec<Vec<u32>> = vec![Vec::new(); bake.height.div_ceil(BAND)];
+    for (t, triangle) in triangles.iter().enumerate() {
+        let rows = triangle.texels.map(|p| p[1]);
+        let low = rows.iter().copied().fold(f64::INFINITY, f64::min).max(0.0);
+        let high = rows.iter().copied().fold(f64::NEG_INFINITY, f64::max);
+        if high < 0.0 || low >= bake.height as f64 {
+            continue;
+        }
+        let last = (high as usize / BAND).min(bands.len() - 1);
+        for band in &mut bands[low as usize / BAND..=last] {
+            band.push(t as u32);
+        }
+    }
+    let mut pixels = vec![0.0f32; bake.width * bake.height * CHANNELS];
+    let mut filled = vec![false; bake.width * bake.height];
+    let done = AtomicUsize::new(0);
+    let count = bands.len();
+    pixels
+        .par_chunks_mut(BAND * bake.width * CHANNELS)
+        .zip(filled.par_chunks_mut(BAND * bake.width))
+        .zip(bands)
+        .enumerate()
+        .try_for_each(|(b, ((pixels, filled), band))| {
+            let lines = filled.len() / bake.width;
+            let rows = (b * BAND) as i64..(b * BAND + lines) as i64;
+            let mut guess = None;
+            for t in band {
+                let triangle = &triangles[t as usize];
+                scan_rows(
+                    triangle.texels,
+                    rows.clone(),
+                    0..bake.width as i64,
+                    |x, y, w| {
+                        let place = (y - rows.start) as usize * bake.width + x as usize;
+                        let texel = triangle.sample(map, bake, w, &mut guess);
+                        pixels[place * CHANNELS..][..CHANNELS].copy_from_slice(&texel);
+                        filled[place] = true;
+                    },
+                );
+            }
+            let part = done.fetch_add(1, Ordering::Relaxed) + 1;
+            progress.enter("baking", part as f64 / count as f64)
+        })?;
+    let covered = filled.iter().filter(|&&f| f).count();
+    extend(
+        &mut pixels,
+        &mut filled,
+        bake.width,
+        bake.height,
+        bake.margin,
+    );
+    Ok(Baked { pixels, covered })
+}
+
+fn check(map: &SurfaceMap, bake: &Bake<'_>) -> Result<()> {
+    let (source, target) = (map.source.triangles.len(), map.target.triangles.len());
+    check_rows("source_uv", bake.source_uv.len(), source)?;
+    check_rows("target_uv", bake.target_uv.len(), target)?;
+    if let Content::Normals {
+        source: from,
+        target: to,
+    } = bake.content
+    {
+        check_rows("source normals", from.normals.len(), source)?;
+        check_rows("source tangents", from.tangents.len(), source)?;
+        check_rows("target normals", to.normals.len(), target)?;
+        check_rows("target tangents", to.tangents.len(), target)?;
+    }
+    let image = bake.image;
+    for (name, width, height) in [
+        ("image", image.width, image.height),
+        ("result", bake.width, bake.height),
+    ] {
+        if width == 0 || height == 0 || width.max(height) > LARGEST_SIDE {
+            return Err(Error::BadArgument {
+                what: format!(
+                    "the {name} has {width} × {height} texels: each side should be 1 to {LARGEST_SIDE}"
+                ),
+            });
+        }
+    }
+    check_rows(
+        "image",
+        image.pixels.len(),
+        image.width * image.height * CHANNELS,
+    )
+}
+
+/// A target triangle in the result's texels, with what its texels have in common.
+struct TargetTriangle {
+    number: u32,
+    texels: [Uv; 3],
+    /// Images of its corners.
+    images: [Point; 3],
+    points: [SurfacePoint; 3],
+    /// Mean normal of the source where the corners lie.
+    normal: Point,
+    /// Change of the weights from texel to texel along x and y.
+    steps: [[f64; 3]; 2],
+    /// Samples along each side of a texel.
+    samples: usize,
+}
+
+impl TargetTriangle {
+    fn new(map: &SurfaceMap, bake: &Bake<'_>, t: usize) -> Self {
+        let vertices = map.target.triangles[t];
+        let points = vertices.map(|v| map.points[v as usize]);
+        let images = vertices.map(|v| map.images()[v as usize]);
+        let texels =
+            bake.target_uv[t].map(|uv| [uv[0] * bake.width as f64, uv[1] * bake.height as f64]);
+        let [a, b, c] = texels;
+        let area = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+        let step = |k: usize| {
+            let (next, last) = (texels[(k + 1) % 3], texels[(k + 2) % 3]);
+            [(next[1] - last[1]) / area, (last[0] - next[0]) / area]
+        };
+        let gradients = [0, 1, 2].map(step);
+        let normal = points.iter().fold([0.0; 3], |sum, p| {
+            vector::add(sum, vector::normalised(map.source.cross(p.face)))
+        });
+        // Source texels under a texel of the result.
+        let image_area = vector::norm(vector::cross(
+            vector::sub(images[1], images[0]),
+            vector::sub(images[2], images[0]),
+        ));
+        let density = points
+            .iter()
+            .map(|p| {
+                let [a, b, c] = bake.source_uv[p.face as usize];
+                let uv = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
+                let texels = uv.abs() * (bake.image.width * bake.image.height) as f64;
+                texels / vector::norm(map.source.cross(p.face)).max(f64::MIN_POSITIVE)
+            })
+            .fold(0.0, f64::max);
+        let ratio = (image_area * density / area.abs().max(f64::MIN_POSITIVE)).sqrt();
+        Self {
+            number: t as u32,
+            texels,
+            images,
+            points,
+            normal,
+            steps: [0, 1].map(|axis| gradients.map(|g| g[axis])),
+            // A texel of the same size, up to rounding and stretch, is one sample.
+            samples: ((ratio - 0.25).ceil() as usize).clamp(1, MOST_SAMPLES),
+        }
+    }
+
+    fn sample(
+        &self,
+        map: &SurfaceMap,
+        bake: &Bake<'_>,
+        weights: [f64; 3],
+        guess: &mut Option<u32>,
+    ) -> [f32; CHANNELS] {
+        let n = self.samples;
+        let mut sum = [0.0f32; CHANNELS];
+        let mut plain = [0.0f32; 3];
+        let straight = matches!(
+            bake.content,
+            Content::Colour {
+                straight_alpha: true
+            }
+        );
+        for j in 0..n {
+            for i in 0..n {
+                let [dx, dy] = [i, j].map(|k| (k as f64 + 0.5) / n as f64 - 0.5);
+                let w =
+                    [0, 1, 2].map(|k| weights[k] + dx * self.steps[0][k] + dy * self.steps[1][k]);
+                let place = self.place(map, w, guess);
+                let uv = uv_at(&bake.source_uv[place.face as usize], place.weights);
+                let mut texel = filtered(&bake.image, uv, straight);
+                if let Content::Normals { source, target } = bake.content {
+                    texel = self.turned(map, texel, &place, w, source, target);
+                }
+                for c in 0..3 {
+                    plain[c] += texel[c];
+                    sum[c] += if straight {
+                        texel[c] * texel[3]
+                    } else {
+                        texel[c]
+                    };
+                }
+                sum[3] += texel[3];
+            }
+        }
+        let count = (n * n) as f32;
+        if straight && sum[3] > TRANSPARENT {
+            return [
+                sum[0] / sum[3],
+                sum[1] / sum[3],
+                sum[2] / sum[3],
+                sum[3] / count,
+            ];
+        }
+        [
+            plain[0] / count,
+            plain[1] / count,
+            plain[2] / count,
+            sum[3] / count,
+        ]
+    }
+
+    /// The point of the source under a point of this triangle.
+    fn place(&self, map: &SurfaceMap, weights: [f64; 3], guess: &mut Option<u32>) -> SurfacePoint {
+        let [first, ..] = self.points;
+        if self.points.iter().all(|p| p.face == first.face) {
+            return SurfacePoint {
+                face: first.face,
+                weights: [0, 1, 2]
+                    .map(|c| (0..3).map(|k| weights[k] * self.points[k].weights[c]).sum()),
+            };
+        }
+        let query = blend(self.images, weights);
+        let allowed = |t: u32| vector::dot(map.source.cross(t), self.normal) > 0.0;
+        let start = guess.filter(|&t| allowed(t));
+        let found = map
+            .source
+            .nearest_where(query, start, allowed)
+            .unwrap_or_else(|| map.source.nearest(query));
+        *guess = Some(found.face);
+        found
+    }
+
+    /// A normal of the source's tangent frame in the target's.
+    fn turned(
+        &self,
+        map: &SurfaceMap,
+        texel: [f32; CHANNELS],
+        place: &SurfacePoint,
+        weights: [f64; 3],
+        source: TangentSpace<'_>,
+        target: TangentSpace<'_>,
+    ) -> [f32; CHANNELS] {
+        let local = [0, 1, 2].map(|c| f64::from(texel[c]) * 2.0 - 1.0);
+        let (normal, tangent, bitangent) = frame_at(source, place.face as usize, place.weights);
+        let carried = vector::normalised(blend([tangent, bitangent, normal], local));
+        let (_, along, across) = frame_at(target, self.number as usize, weights);
+        // Directions on the target's triangle as directions on the source, by the map itself.
+        let [a, b, c] = map.target.corners(self.number);
+        let taken = |direction: Point| {
+            let w = plane_weights(&map.target, self.number, vector::add(a, direction));
+            let moved = blend(self.images, w);
+            vector::sub(moved, self.images[0])
+        };
+        let size = vector::distance(a, b).max(vector::distance(a, c));
+        let flat = |v: Point| vector::sub(v, vector::scaled(normal, vector::dot(v, normal)));
+        let u = vector::normalised(flat(taken(vector::scaled(along, size))));
+        let v = flat(taken(vector::scaled(across, size)));
+        let v = vector::normalised(vector::sub(v, vector::scaled(u, vector::dot(v, u))));
+        let turned = [u, v, normal].map(|axis| vector::dot(axis, carried));
+        [
+            (turned[0] * 0.5 + 0.5) as f32,
+            (turned[1] * 0.5 + 0.5) as f32,
+            (turned[2] * 0.5 + 0.5) as f32,
+            texel[3],
+        ]
+    }
+}
+
+/// Normal, tangent and bitangent within a triangle; unit vectors, at right angles.
+fn frame_at(space: TangentSpace<'_>, triangle: usize, weights: [f64; 3]) -> (Point, Point, Point) {
+    let normal = vector::normalised(blend(space.normals[triangle], weights));
+    let corners = space.tangents[triangle];
+    let tangent = blend(corners.map(|t| [t[0], t[1], t[2]]), weights);
+    let tangent = vector::sub(
+        tangent,
+        vector::scaled(normal, vector::dot(normal, tangent)),
+    );
+    let tangent = vector::normalised(tangent);
+    let sign = if corners[0][3] < 0.0 { -1.0 } else { 1.0 };
+    (
+        normal,
+        tangent,
+        vector::scaled(vector::cross(normal, tangent), sign),
+    )
+}
+
+fn uv_at(corners: &[Uv; 3], weights: [f64; 3]) -> Uv {
+    [0, 1].map(|axis| (0..3).map(|k| weights[k] * corners[k][axis]).sum())
+}
+
+/// The image at a UV: cubic (Catmull–Rom), held within the four texels around.
+///
+/// Holding avoids the ringing at edges. Colours with straight alpha count by their alpha.
+fn filtered(image: &Image<'_>, uv: Uv, straight: bool) -> [f32; CHANNELS] {
+    let (w, h) = (image.width as i64, image.height as i64);
+    let x = uv[0] * w as f64 - 0.5;
+    let y = uv[1] * h as f64 - 0.5;
+    if !(x.is_finite() && y.is_finite()) {
+        return [0.0; CHANNELS];
+    }
+    let (column, row) = (x.floor(), y.floor());
+    let along = cubic((x - column) as f32);
+    let up = cubic((y - row) as f32);
+    let mut colour = [0.0f32; CHANNELS];
+    let mut plain = [0.0f32; 3];
+    let mut low = [f32::INFINITY; CHANNELS];
+    let mut high = [f32::NEG_INFINITY; CHANNELS];
+    for (j, &wy) in up.iter().enumerate() {
+        let line = (row as i64 + j as i64 - 1).rem_euclid(h) as usize * image.width;
+        for (i, &wx) in along.iter().enumerate() {
+            let at = line + (column as i64 + i as i64 - 1).rem_euclid(w) as usize;
+            let texel = &image.pixels[at * CHANNELS..][..CHANNELS];
+            let weight = wx * wy;
+            for c in 0..3 {
+                plain[c] += weight * texel[c];
+                colour[c] += weight * texel[c] * if straight { texel[3] } else { 1.0 };
+            }
+            colour[3] += weight * texel[3];
+            if (1..3).contains(&i) && (1..3).contains(&j) {
+                for c in 0..CHANNELS {
+                    low[c] = low[c].min(texel[c]);
+                    high[c] = high[c].max(texel[c]);
+                }
+            }
+        }
+    }
+    if straight {
+        for c in 0..3 {
+            colour[c] = if colour[3] > TRANSPARENT {
+                colour[c] / colour[3]
+            } else {
+                plain[c]
+            };
+        }
+    }
+    [0, 1, 2, 3].map(|c| colour[c].clamp(low[c], high[c]))
+}
+
+/// Weights of four texels for a place between the second and the third.
+fn cubic(t: f32) -> [f32; 4] {
+    let (t2, t3) = (t * t, t * t * t);
+    [
+        -0.5 * t3 + t2 - 0.5 * t,
+        1.5 * t3 - 2.5 * t2 + 1.0,
+        -1.5 * t3 + 2.0 * t2 + 0.5 * t,
+        0.5 * t3 - 0.5 * t2,
+    ]
+}
+
+/// Extends filled texels `margin` times into their empty neighbours, each the mean of those filled.
+fn extend(pixels: &mut [f32], filled: &mut [bool], width: usize, height: usize, margin: usize) {
+    let around = |p: usize| {
+        let (x, y) = (p % width, p / width);
+        (y.saturating_sub(1)..=(y + 1).min(height - 1)).flat_map(move |j| {
+            (x.saturating_sub(1)..=(x + 1).min(width - 1)).map(move |i| j * width + i)
+        })
+    };
+    let mut rim: Vec<u32> = (0..filled.len())
+        .into_par_iter()
+        .filter(|&p| !filled[p] && around(p).any(|q| filled[q]))
+        .map(|p| p as u32)
+        .collect();
+    for _ in 0..margin {
+        let values: Vec<[f32; CHANNELS]> = rim
+            .par_iter()
+            .map(|&p| {
+                let mut sum = [0.0; CHANNELS];
+                let mut count = 0.0;
+                for q in around(p as usize).filter(|&q| filled[q]) {
+                    for c in 0..CHANNELS {
+                        sum[c] += pixels[q * CHANNELS + c];
+                    }
+                    count += 1.0;
+                }
+                sum.map(|s| s / count)
+            })
+            .collect();
+        for (&p, value) in rim.iter().zip(&values) {
+            pixels[p as usize * CHANNELS..][..CHANNELS].copy_from_slice(value);
+            filled[p as usize] = true;
+        }
+        let mut next: Vec<u32> = rim
+            .iter()
+            .flat_map(|&p| around(p as usize).filter(|&q| !filled[q]).map(|q| q as u32))
+            .collect();
+        next.sort_unstable();
+        next.dedup();
+        rim = next;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn filter_gives_texels_at_their_centres_and_lines_between() {
+        // Grey grows along x in steps of 1/8; the filter is exact for lines.
+        let pixels: Vec<f32> = (0..8 * 8).flat_map(|i| [(i % 8) as f32 / 8.0; 4]).collect();
+        let image = Image {
+            width: 8,
+            height: 8,
+            pixels: &pixels,
+        };
+        for x in [2.5, 3.0, 4.75] {
+            let found = filtered(&image, [x / 8.0, 0.5], false);
+            assert!((f64::from(found[0]) - (x - 0.5) / 8.0).abs() < 1e-6);
+        }
+    }
+
+    #[test]
+    fn margin_grows_by_so_many_texels() {
+        let mut pixels = vec![0.0; 9 * 9 * CHANNELS];
+        let mut filled = vec![false; 81];
+        filled[40] = true;
+        pixels[40 * CHANNELS..][..CHANNELS].copy_from_slice(&[0.25, 0.5, 0.75, 1.0]);
+        extend(&mut pixels, &mut filled, 9, 9, 2);
+        assert_eq!(filled.iter().filter(|&&f| f).count(), 25);
+        assert!(
+            filled
+                .iter()
+                .enumerate()
+                .all(|(p, &f)| !f || pixels[p * CHANNELS] == 0.25)
+        );
+    }
+}

@@ -1,0 +1,334 @@
+"""Everything a character carries, taken from the source to the target of a map.
+
+`SurfaceMap` joins two meshes and the map between them; each kind of data has a method. Meshes are given as
+they are, in their own units and with all their parts.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, DTypeLike, NDArray
+
+from . import _core
+from .correspondence import Correspondence
+from .errors import ArgumentError
+from .shape import Floats, Ids, Progress
+
+Mesh = tuple[ArrayLike, ArrayLike]
+"""Vertices (n, 3) and triangles (m, 3)."""
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A UV map on the target's face corners.
+
+    `uv` (corners, 2); `island` (faces,) is the source's island from which a face took its UVs; `straddles`
+    (faces,) tells the faces that lie across the image of a seam, whose corners beyond it were extrapolated.
+    """
+
+    uv: Floats
+    island: Ids
+    straddles: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class SkinWeights:
+    """Weights in compressed rows: those of vertex v are entries `starts[v]` to `starts[v + 1]`.
+
+    `filled` are the vertices whose images were rejected and which were filled from their neighbours.
+    """
+
+    starts: Ids
+    groups: Ids
+    weights: Floats
+    filled: Ids
+
+    def dense(self, groups: int) -> Floats:
+        """As a table (vertices, groups)."""
+        table = np.zeros((len(self.starts) - 1, groups))
+        table[np.repeat(np.arange(len(table)), np.diff(self.starts)), self.groups] = self.weights
+        return table
+
+
+def _array(name: str, values: ArrayLike, dtype: DTypeLike, *shape: int | None) -> NDArray[Any]:
+    """A contiguous array of the shape, in which None stands for any length."""
+    array = np.ascontiguousarray(values, dtype)
+    fits = array.ndim == len(shape) and all(w in (None, f) for w, f in zip(shape, array.shape, strict=False))
+    if not fits:
+        wanted = ", ".join("any" if length is None else str(length) for length in shape)
+        raise ArgumentError(f"`{name}` should be ({wanted}), got {array.shape}")
+    return array
+
+
+class SurfaceMap:
+    """A map between two meshes, along which data travels.
+
+    Parameters
+    ----------
+    source, target : (vertices (n, 3), triangles (m, 3)) each
+    faces, barycentric : for each target vertex its source triangle (n_target,) and the weights of that
+        triangle's corners (n_target, 3), as in `Correspondence`
+    confidence : (n_target,) in [0, 1], by default 1 everywhere
+    """
+
+    def __init__(
+        self,
+        source: Mesh,
+        target: Mesh,
+        faces: ArrayLike,
+        barycentric: ArrayLike,
+        confidence: ArrayLike | None = None,
+    ) -> None:
+        arrays = []
+        for name, (vertices, triangles) in (("source", source), ("target", target)):
+            arrays.append(_array(f"{name} vertices", vertices, np.float64, None, 3))
+            arrays.append(_array(f"{name} triangles", triangles, np.int64, None, 3))
+        self._source_count, self._target_count = len(arrays[0]), len(arrays[2])
+        self._source_triangles = len(arrays[1])
+        if confidence is None:
+            confidence = np.ones(self._target_count)
+        self._core = _core.SurfaceMap(
+            arrays[0],
+            arrays[1],
+            arrays[2],
+            arrays[3],
+            _array("faces", faces, np.int64, self._target_count),
+            _array("barycentric", barycentric, np.float64, self._target_count, 3),
+            _array("confidence", confidence, np.float64, self._target_count),
+        )
+
+    @classmethod
+    def of(cls, correspondence: Correspondence, source: Mesh, target: Mesh) -> "SurfaceMap":
+        """The map of a `Correspondence` between the meshes it was made for."""
+        return cls(
+            source, target, correspondence.faces, correspondence.barycentric, correspondence.confidence
+        )
+
+    @property
+    def faces(self) -> Ids:
+        """Source triangle of each target vertex, (n_target,).
+
+        Parts of the target without any confidence were put onto their counterparts on the source, as eyes
+        and teeth are; the rest is as given.
+        """
+        return self._core.faces
+
+    @property
+    def barycentric(self) -> Floats:
+        """Weights of the corners of `faces`, (n_target, 3)."""
+        return self._core.barycentric
+
+    @property
+    def confidence(self) -> Floats:
+        """Confidence of each target vertex, (n_target,)."""
+        return self._core.confidence
+
+    @property
+    def images(self) -> Floats:
+        """Where each target vertex lies on the source, (n_target, 3)."""
+        return self._core.images()
+
+    @property
+    def frames(self) -> tuple[Floats, Floats]:
+        """How the map turns (n_target, 3, 3) and scales (n_target,) directions of the source."""
+        return self._core.frames()
+
+    def displacements(self, offsets: ArrayLike, turn_only: bool = False) -> Floats:
+        """Shape keys: displacements (n_source, 3) or (keys, n_source, 3) of the source's vertices.
+
+        They are turned and scaled as the map does around each vertex; `turn_only` keeps their length. A
+        vertex whose image does not move stays exactly still.
+        """
+        offsets = np.asarray(offsets, np.float64)
+        if offsets.ndim == 3:
+            return np.stack([self.displacements(key, turn_only) for key in offsets])
+        return self._core.displacements(_array("offsets", offsets, np.float64, None, 3), turn_only)
+
+    def layout(self, face_starts: ArrayLike, corner_vertices: ArrayLike, uv: ArrayLike) -> Layout:
+        """A UV map, given at the corners of the source's triangles (m, 3, 2), at the target's face corners.
+
+        `face_starts` (faces + 1,) and `corner_vertices` (corners,) are the target's faces. All corners of a
+        face come from one island; beyond a seam they continue its chart.
+        """
+        uv = _array("uv", uv, np.float64, self._source_triangles, 3, 2)
+        return Layout(*self._core.layout(*_faces(face_starts, corner_vertices), uv))
+
+    def corner_values(
+        self,
+        face_starts: ArrayLike,
+        corner_vertices: ArrayLike,
+        values: ArrayLike,
+        tolerance: float = 1e-4,
+        nearest: bool = False,
+    ) -> Floats:
+        """Other data of face corners, (m, 3, channels): hard borders stay hard, nothing is extrapolated.
+
+        Corner values at one vertex that differ by more than `tolerance` are a border. With `nearest` a value
+        comes from one source corner, unmixed.
+        """
+        values = _array("values", values, np.float64, self._source_triangles, 3, None)
+        return self._core.corner_values(*_faces(face_starts, corner_vertices), values, tolerance, nearest)
+
+    def skin_weights(
+        self,
+        starts: ArrayLike,
+        groups: ArrayLike,
+        weights: ArrayLike,
+        group_count: int,
+        *,
+        deforming: ArrayLike | None = None,
+        reject_below: float = 0.0,
+        smoothing: int = 0,
+        prune: float = 0.0,
+        limit: int | None = None,
+        normalize: bool = True,
+        room: ArrayLike | None = None,
+    ) -> SkinWeights:
+        """Vertex groups, given in compressed rows of the source's vertices.
+
+        Images trusted less than `reject_below` are rejected and their vertices filled from the others;
+        `smoothing` counts rounds along the surface. Weights below `prune` are dropped, of the `deforming`
+        groups (all by default) at most `limit` stay, and `normalize` scales these back to the sum that came
+        across, or to the `room` (n_target,) that locked groups leave.
+        """
+        deforming = np.ones(group_count, bool) if deforming is None else deforming
+        found = self._core.skin_weights(
+            _array("starts", starts, np.uint32, self._source_count + 1),
+            _array("groups", groups, np.uint32, None),
+            _array("weights", weights, np.float64, None),
+            group_count,
+            _array("deforming", deforming, np.bool_, group_count),
+            reject_below,
+            smoothing,
+            prune,
+            limit,
+            normalize,
+            None if room is None else _array("room", room, np.float64, self._target_count),
+        )
+        return SkinWeights(*found)
+
+    def face_labels(self, face_starts: ArrayLike, corner_vertices: ArrayLike, labels: ArrayLike) -> Ids:
+        """The commonest label of the source's triangles (m,) under each target face: material slots."""
+        labels = _array("labels", labels, np.int64, self._source_triangles)
+        return self._core.face_labels(*_faces(face_starts, corner_vertices), labels)
+
+    def face_means(self, face_starts: ArrayLike, corner_vertices: ArrayLike, values: ArrayLike) -> Floats:
+        """The mean of values of the source's triangles (m, channels) under each target face."""
+        values = _array("values", values, np.float64, self._source_triangles, None)
+        return self._core.face_means(*_faces(face_starts, corner_vertices), values)
+
+    def marks(self, source_edges: ArrayLike, values: ArrayLike, target_edges: ArrayLike) -> Floats:
+        """Marks of edges as curves: values (source edges,) above 0 mark, as values (target edges,).
+
+        An edge of the target is marked where it follows a marked curve of the source.
+        """
+        return self._core.marks(
+            _array("source_edges", source_edges, np.int64, None, 2),
+            _array("values", values, np.float64, None),
+            _array("target_edges", target_edges, np.int64, None, 2),
+        )
+
+    def joints(
+        self, positions: ArrayLike, influence: Sequence[tuple[ArrayLike, ArrayLike]] | None = None
+    ) -> tuple[Floats, Floats, Floats]:
+        """Joints of a rig (joints, 3) placed in the target, each by the surface around it.
+
+        `influence` is a pair of source vertices and weights for each joint; with it only these vertices and
+        their surroundings place the joint. Returns positions (joints, 3), rotations (joints, 3, 3) and
+        scales (joints,) of the body there.
+        """
+        positions = _array("positions", positions, np.float64, None, 3)
+        rows = [((), ())] * len(positions) if influence is None else influence
+        if len(rows) != len(positions):
+            raise ArgumentError(f"`influence` should have {len(positions)} rows, got {len(rows)}")
+        vertices = [np.asarray(row[0], np.uint32) for row in rows]
+        weights = [np.asarray(row[1], np.float64) for row in rows]
+        starts = np.append(0, np.cumsum([len(row) for row in vertices])).astype(np.uint32)
+        return self._core.joints(
+            positions,
+            starts,
+            np.concatenate([np.zeros(0, np.uint32), *vertices]),
+            np.concatenate([np.zeros(0), *weights]),
+        )
+
+    def followed(self, points: ArrayLike, pieces: ArrayLike | None = None) -> Floats:
+        """Points beside the source (n, 3), such as those of clothes, where the target's surface takes them.
+
+        Points with the same number in `pieces` (n,) move together, as one rigid piece of the local size, as
+        eyes do; negative numbers, and all without `pieces`, leave each point to itself.
+        """
+        points = _array("points", points, np.float64, None, 3)
+        pieces = np.full(len(points), -1) if pieces is None else pieces
+        return self._core.followed(points, _array("pieces", pieces, np.int64, len(points)))
+
+    def bake(
+        self,
+        source_uv: ArrayLike,
+        target_uv: ArrayLike,
+        image: ArrayLike,
+        width: int,
+        height: int,
+        *,
+        margin: int = 16,
+        straight_alpha: bool = True,
+        tangent_frames: Sequence[ArrayLike] | None = None,
+        progress: Progress | None = None,
+    ) -> NDArray[np.float32]:
+        """A texture of the source baked into the target's own layout: (height, width, 4) float32.
+
+        UVs are given at the corners of the triangles, (m, 3, 2) each; the image (h, w, 4) has its rows from
+        the bottom. Numbers come through in the colour space in which they are. `margin` texels extend the
+        islands. For a tangent-space normal map give `tangent_frames`: normals (m_source, 3, 3) and tangents
+        (m_source, 3, 4) of the source's triangle corners, then those of the target's; the tangent's fourth
+        number is the sign of the bitangent. `progress` is as in `match`.
+        """
+        frames = None
+        if tangent_frames is not None:
+            names = ("source normals", "source tangents", "target normals", "target tangents")
+            frames = [
+                _array(name, values, np.float64, None, 3, 3 if "normals" in name else 4)
+                for name, values in zip(names, tangent_frames, strict=True)
+            ]
+        pixels, _ = self._core.bake(
+            _array("source_uv", source_uv, np.float64, self._source_triangles, 3, 2),
+            _array("target_uv", target_uv, np.float64, None, 3, 2),
+            _array("image", image, np.float32, None, None, 4),
+            width,
+            height,
+            margin,
+            straight_alpha,
+            frames,
+            progress,
+        )
+        return pixels
+
+    def filled(self, values: ArrayLike, unknown: ArrayLike) -> Floats:
+        """Values of the target's vertices (n_target, channels) with `unknown` ones filled from the others."""
+        values = _array("values", values, np.float64, self._target_count, None)
+        return self._core.filled(values, _array("unknown", unknown, np.bool_, self._target_count))
+
+
+def _faces(starts: ArrayLike, vertices: ArrayLike) -> tuple[Ids, Ids]:
+    return _array("face_starts", starts, np.int64, None), _array("corner_vertices", vertices, np.int64, None)
+
+
+def judge_layout(corners: ArrayLike, uv: ArrayLike) -> dict[str, float]:
+    """Faults of a UV map, from the corners (m, 3, 3) of triangles and their UVs (m, 3, 2).
+
+    "stretch": mean over the surface of the larger of σ₁ and 1/σ₂ at equal areas, 1 at best; "flipped": share
+    of the UV area wound against the rest; "overlap": share of the covered texels that are covered twice.
+    """
+    return _core.judge_layout(
+        _array("corners", corners, np.float64, None, 3, 3), _array("uv", uv, np.float64, None, 3, 2)
+    )
+
+
+def uv_islands(vertices: ArrayLike, triangles: ArrayLike, uv: ArrayLike) -> Ids:
+    """Number of the UV island of each triangle, from the UVs of its corners (m, 3, 2)."""
+    return _core.uv_islands(
+        _array("vertices", vertices, np.float64, None, 3),
+        _array("triangles", triangles, np.int64, None, 3),
+        _array("uv", uv, np.float64, None, 3, 2),
+    )

@@ -1,0 +1,459 @@
+//! Binding of `sgmds_core::transfer`; `sgmds.transfer` wraps it and checks shapes and types.
+
+use std::sync::Arc;
+
+use numpy::{
+    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2,
+    PyReadonlyArray3,
+};
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use sgmds_core::Error;
+use sgmds_core::transfer::corners::{self, CornerValues, Polygons};
+use sgmds_core::transfer::diffusion::Diffusion;
+use sgmds_core::transfer::joints::fitted_joints;
+use sgmds_core::transfer::skin_weights::{SkinOptions, SkinWeights, carried_skin};
+use sgmds_core::transfer::texture::{self, Bake, Content, Image, TangentSpace};
+use sgmds_core::transfer::{self, Surface, curves, displacement, labels, layout};
+
+use crate::triples;
+use crate::watched::watched;
+
+type Array1<'py, T> = Bound<'py, PyArray1<T>>;
+type Array2<'py, T> = Bound<'py, PyArray2<T>>;
+type Array3<'py, T> = Bound<'py, PyArray3<T>>;
+/// Starts, groups, weights and the vertices filled.
+type SkinRows<'py> = (
+    Array1<'py, i64>,
+    Array1<'py, i64>,
+    Array1<'py, f64>,
+    Array1<'py, i64>,
+);
+
+fn pairs<T: Element + Copy>(array: &PyReadonlyArray2<'_, T>) -> PyResult<Vec<[T; 2]>> {
+    Ok(array.as_slice()?.as_chunks().0.to_vec())
+}
+
+/// `(n, 3, K)` as n triangles of corners.
+fn corners_of<const K: usize>(array: &PyReadonlyArray3<'_, f64>) -> PyResult<Vec<[[f64; K]; 3]>> {
+    let rows: &[[f64; K]] = array.as_slice()?.as_chunks().0;
+    Ok(rows.as_chunks().0.to_vec())
+}
+
+fn table<T: Element, const K: usize>(
+    py: Python<'_>,
+    rows: Vec<[T; K]>,
+) -> PyResult<Bound<'_, PyArray2<T>>> {
+    let count = rows.len();
+    rows.into_iter()
+        .flatten()
+        .collect::<Vec<T>>()
+        .into_pyarray(py)
+        .reshape([count, K])
+}
+
+fn whole(ids: impl IntoIterator<Item = u32>) -> Vec<i64> {
+    ids.into_iter().map(i64::from).collect()
+}
+
+/// Two surfaces and a map between them.
+#[pyclass(frozen, module = "sgmds._core")]
+pub struct SurfaceMap {
+    pub(crate) map: Arc<transfer::SurfaceMap>,
+}
+
+#[pymethods]
+impl SurfaceMap {
+    #[new]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of the Python function"
+    )]
+    fn new(
+        py: Python<'_>,
+        source_vertices: PyReadonlyArray2<'_, f64>,
+        source_triangles: PyReadonlyArray2<'_, i64>,
+        target_vertices: PyReadonlyArray2<'_, f64>,
+        target_triangles: PyReadonlyArray2<'_, i64>,
+        faces: Vec<i64>,
+        barycentric: PyReadonlyArray2<'_, f64>,
+        confidence: Vec<f64>,
+    ) -> PyResult<Self> {
+        let source = (triples(&source_vertices)?, triples(&source_triangles)?);
+        let target = (triples(&target_vertices)?, triples(&target_triangles)?);
+        let weights = triples(&barycentric)?;
+        let map = watched(py, None, None, move |_| {
+            let (source, target) = rayon::join(
+                || Surface::new(source.0, &source.1),
+                || Surface::new(target.0, &target.1),
+            );
+            transfer::SurfaceMap::new(source?, target?, &faces, &weights, confidence)?.with_parts()
+        })?;
+        Ok(Self { map: Arc::new(map) })
+    }
+
+    /// Source triangle of each target vertex, small parts on their counterparts.
+    #[getter]
+    fn faces<'py>(&self, py: Python<'py>) -> Array1<'py, i64> {
+        whole(self.map.points.iter().map(|p| p.face)).into_pyarray(py)
+    }
+
+    /// Weights of that triangle's corners.
+    #[getter]
+    fn barycentric<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
+        table(py, self.map.points.iter().map(|p| p.weights).collect())
+    }
+
+    /// Confidence of each target vertex.
+    #[getter]
+    fn confidence<'py>(&self, py: Python<'py>) -> Array1<'py, f64> {
+        self.map.confidence.clone().into_pyarray(py)
+    }
+
+    /// Points beside the source (n, 3) where the target takes them, pieces with one number together.
+    fn followed<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray2<'py, f64>,
+        pieces: Vec<i64>,
+    ) -> PyResult<Array2<'py, f64>> {
+        let (map, points) = (Arc::clone(&self.map), triples(&points)?);
+        let moved = watched(py, None, None, move |_| map.followed(&points, &pieces))?;
+        table(py, moved)
+    }
+
+    /// Images of the target's vertices in space, (n, 3).
+    fn images<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
+        table(py, self.map.images().to_vec())
+    }
+
+    /// Turn (n, 3, 3) and scale (n,) at each target vertex.
+    fn frames<'py>(&self, py: Python<'py>) -> PyResult<(Array3<'py, f64>, Array1<'py, f64>)> {
+        let map = Arc::clone(&self.map);
+        let frames = watched(py, None, None, move |_| Ok(map.frames().to_vec()))?;
+        let turns: Vec<f64> = frames
+            .iter()
+            .flat_map(|f| f.turn.into_iter().flatten())
+            .collect();
+        let scales: Vec<f64> = frames.iter().map(|f| f.scale).collect();
+        Ok((
+            turns.into_pyarray(py).reshape([frames.len(), 3, 3])?,
+            scales.into_pyarray(py),
+        ))
+    }
+
+    /// Displacements of the source's vertices (n, 3) as the target's.
+    fn displacements<'py>(
+        &self,
+        py: Python<'py>,
+        offsets: PyReadonlyArray2<'py, f64>,
+        turn_only: bool,
+    ) -> PyResult<Array2<'py, f64>> {
+        let (map, offsets) = (Arc::clone(&self.map), triples(&offsets)?);
+        let carried = watched(py, None, None, move |_| {
+            displacement::displacements(&map, &offsets, turn_only)
+        })?;
+        table(py, carried)
+    }
+
+    /// UVs at the target's corners, the source island of each face, and which faces straddle a seam.
+    fn layout<'py>(
+        &self,
+        py: Python<'py>,
+        starts: Vec<i64>,
+        corner_vertices: Vec<i64>,
+        uv: PyReadonlyArray3<'py, f64>,
+    ) -> PyResult<(Array2<'py, f64>, Array1<'py, i64>, Array1<'py, bool>)> {
+        let (map, uv) = (Arc::clone(&self.map), corners_of::<2>(&uv)?);
+        let found = watched(py, None, None, move |_| {
+            let faces = Polygons::new(&starts, &corner_vertices, &map.target)?;
+            layout::carried_layout(&map, &faces, uv.as_flattened())
+        })?;
+        Ok((
+            table(py, found.uv)?,
+            whole(found.island).into_pyarray(py),
+            found.straddles.into_pyarray(py),
+        ))
+    }
+
+    /// Values at the corners of the source's triangles (m, 3, c) as values at the target's corners.
+    fn corner_values<'py>(
+        &self,
+        py: Python<'py>,
+        starts: Vec<i64>,
+        corner_vertices: Vec<i64>,
+        values: PyReadonlyArray3<'py, f64>,
+        tolerance: f64,
+        nearest: bool,
+    ) -> PyResult<Array2<'py, f64>> {
+        let map = Arc::clone(&self.map);
+        let channels = values.as_array().shape()[2];
+        let (count, values) = (corner_vertices.len(), values.as_slice()?.to_vec());
+        let carried = watched(py, None, None, move |_| {
+            let faces = Polygons::new(&starts, &corner_vertices, &map.target)?;
+            let values = CornerValues {
+                values: &values,
+                channels,
+                tolerance,
+            };
+            let mut places = corners::corner_places(&map, &faces, &values, false)?;
+            if nearest {
+                corners::snap(&mut places);
+            }
+            Ok(corners::corner_values(&places, &values))
+        })?;
+        carried.into_pyarray(py).reshape([count, channels])
+    }
+
+    /// Sparse weights of the source's vertices as the target's: rows and the vertices filled.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of the Python function"
+    )]
+    fn skin_weights<'py>(
+        &self,
+        py: Python<'py>,
+        starts: Vec<u32>,
+        groups: Vec<u32>,
+        weights: Vec<f64>,
+        group_count: usize,
+        deforming: Vec<bool>,
+        reject_below: f64,
+        smoothing: usize,
+        prune: f64,
+        limit: Option<usize>,
+        normalize: bool,
+        room: Option<Vec<f64>>,
+    ) -> PyResult<SkinRows<'py>> {
+        let map = Arc::clone(&self.map);
+        let found = watched(py, None, None, move |_| {
+            let source = SkinWeights::new(starts, groups, weights, group_count)?;
+            let options = SkinOptions {
+                groups: group_count,
+                reject_below,
+                smoothing,
+                prune,
+                limit,
+                normalize,
+                deforming: &deforming,
+                room: room.as_deref(),
+            };
+            carried_skin(&map, &source, &options)
+        })?;
+        Ok((
+            whole(found.skin.starts).into_pyarray(py),
+            whole(found.skin.groups).into_pyarray(py),
+            found.skin.weights.into_pyarray(py),
+            whole(found.filled).into_pyarray(py),
+        ))
+    }
+
+    /// The commonest label of the source's triangles (m,) under each target face.
+    fn face_labels<'py>(
+        &self,
+        py: Python<'py>,
+        starts: Vec<i64>,
+        corner_vertices: Vec<i64>,
+        labels: Vec<i64>,
+    ) -> PyResult<Array1<'py, i64>> {
+        let map = Arc::clone(&self.map);
+        let carried = watched(py, None, None, move |_| {
+            let faces = Polygons::new(&starts, &corner_vertices, &map.target)?;
+            labels::face_labels(&map, &faces, &labels)
+        })?;
+        Ok(carried.into_pyarray(py))
+    }
+
+    /// The mean of values of the source's triangles (m, c) under each target face.
+    fn face_means<'py>(
+        &self,
+        py: Python<'py>,
+        starts: Vec<i64>,
+        corner_vertices: Vec<i64>,
+        values: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Array2<'py, f64>> {
+        let map = Arc::clone(&self.map);
+        let channels = values.as_array().shape()[1];
+        let (count, values) = (starts.len() - 1, values.as_slice()?.to_vec());
+        let carried = watched(py, None, None, move |_| {
+            let faces = Polygons::new(&starts, &corner_vertices, &map.target)?;
+            labels::face_means(&map, &faces, &values, channels)
+        })?;
+        carried.into_pyarray(py).reshape([count, channels])
+    }
+
+    /// Values of the target's edges along the curves of the source's marked edges.
+    fn marks<'py>(
+        &self,
+        py: Python<'py>,
+        source_edges: PyReadonlyArray2<'py, i64>,
+        values: Vec<f64>,
+        target_edges: PyReadonlyArray2<'py, i64>,
+    ) -> PyResult<Array1<'py, f64>> {
+        let map = Arc::clone(&self.map);
+        let (source_edges, target_edges) = (pairs(&source_edges)?, pairs(&target_edges)?);
+        let carried = watched(py, None, None, move |_| {
+            curves::carried_marks(&map, &source_edges, &values, &target_edges)
+        })?;
+        Ok(carried.into_pyarray(py))
+    }
+
+    /// The source's joints (j, 3) in the target: position (j, 3), turn (j, 3, 3) and scale (j,).
+    fn joints<'py>(
+        &self,
+        py: Python<'py>,
+        joints: PyReadonlyArray2<'py, f64>,
+        starts: Vec<u32>,
+        vertices: Vec<u32>,
+        weights: Vec<f64>,
+    ) -> PyResult<(Array2<'py, f64>, Array3<'py, f64>, Array1<'py, f64>)> {
+        let (map, joints) = (Arc::clone(&self.map), triples(&joints)?);
+        let found = watched(py, None, None, move |_| {
+            let count = map.source.vertices.len();
+            let influence = SkinWeights::new(starts, vertices, weights, count)?;
+            fitted_joints(&map, &joints, &influence)
+        })?;
+        let turns: Vec<f64> = found
+            .iter()
+            .flat_map(|j| j.turn.into_iter().flatten())
+            .collect();
+        let scales: Vec<f64> = found.iter().map(|j| j.scale).collect();
+        Ok((
+            table(py, found.iter().map(|j| j.position).collect())?,
+            turns.into_pyarray(py).reshape([found.len(), 3, 3])?,
+            scales.into_pyarray(py),
+        ))
+    }
+
+    /// An image of the source (h, w, 4) baked into the target's layout, and how many texels it covers.
+    ///
+    /// `frames` are the normals (m, 3, 3) and tangents (m, 3, 4) of source and target, for normal maps.
+    #[pyo3(signature = (source_uv, target_uv, image, width, height, margin, straight_alpha, frames, progress=None))]
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of the Python function"
+    )]
+    fn bake<'py>(
+        &self,
+        py: Python<'py>,
+        source_uv: PyReadonlyArray3<'py, f64>,
+        target_uv: PyReadonlyArray3<'py, f64>,
+        image: PyReadonlyArray3<'py, f32>,
+        width: usize,
+        height: usize,
+        margin: usize,
+        straight_alpha: bool,
+        frames: Option<[PyReadonlyArray3<'py, f64>; 4]>,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<(Array3<'py, f32>, usize)> {
+        let map = Arc::clone(&self.map);
+        let (source_uv, target_uv) = (corners_of::<2>(&source_uv)?, corners_of::<2>(&target_uv)?);
+        let size = image.as_array().raw_dim();
+        let pixels = image.as_slice()?;
+        let frames = frames
+            .map(|[a, b, c, d]| {
+                Ok::<_, PyErr>((
+                    (corners_of::<3>(&a)?, corners_of::<4>(&b)?),
+                    (corners_of::<3>(&c)?, corners_of::<4>(&d)?),
+                ))
+            })
+            .transpose()?;
+        let baked = watched(py, progress, None, |state| {
+            let content = match &frames {
+                None => Content::Colour { straight_alpha },
+                Some((source, target)) => Content::Normals {
+                    source: TangentSpace {
+                        normals: &source.0,
+                        tangents: &source.1,
+                    },
+                    target: TangentSpace {
+                        normals: &target.0,
+                        tangents: &target.1,
+                    },
+                },
+            };
+            let wanted = Bake {
+                source_uv: &source_uv,
+                target_uv: &target_uv,
+                image: Image {
+                    width: size[1],
+                    height: size[0],
+                    pixels,
+                },
+                content,
+                width,
+                height,
+                margin,
+            };
+            texture::bake(&map, &wanted, state)
+        })?;
+        let pixels = baked.pixels.into_pyarray(py).reshape([height, width, 4])?;
+        Ok((pixels, baked.covered))
+    }
+
+    /// Values (n, c) with those of `unknown` vertices replaced by a harmonic fill from the others.
+    fn filled<'py>(
+        &self,
+        py: Python<'py>,
+        values: PyReadonlyArray2<'py, f64>,
+        unknown: Vec<bool>,
+    ) -> PyResult<Array2<'py, f64>> {
+        let map = Arc::clone(&self.map);
+        let [rows, channels] = *values.as_array().shape() else {
+            unreachable!("the array has two dimensions")
+        };
+        let values = values.as_slice()?.to_vec();
+        let filled = watched(py, None, None, move |_| {
+            Diffusion::new(&map.target).filled(values, channels, &unknown)
+        })?;
+        filled.into_pyarray(py).reshape([rows, channels])
+    }
+}
+
+/// Stretch, flipped share and overlap of a layout: corners (m, 3, 3) and their UVs (m, 3, 2).
+#[pyfunction]
+pub fn judge_layout<'py>(
+    py: Python<'py>,
+    corners: PyReadonlyArray3<'py, f64>,
+    uv: PyReadonlyArray3<'py, f64>,
+) -> PyResult<Bound<'py, PyDict>> {
+    let (corners, uv) = (corners_of::<3>(&corners)?, corners_of::<2>(&uv)?);
+    let report = watched(py, None, None, move |_| {
+        Ok::<_, Error>(layout::judged(&corners, &uv))
+    })?;
+    let dict = PyDict::new(py);
+    dict.set_item("stretch", report.stretch)?;
+    dict.set_item("flipped", report.flipped)?;
+    dict.set_item("overlap", report.overlap)?;
+    Ok(dict)
+}
+
+/// Number of the connected island of each triangle of a layout (m, 3, 2).
+#[pyfunction]
+pub fn uv_islands<'py>(
+    py: Python<'py>,
+    vertices: PyReadonlyArray2<'py, f64>,
+    triangles: PyReadonlyArray2<'py, i64>,
+    uv: PyReadonlyArray3<'py, f64>,
+) -> PyResult<Array1<'py, i64>> {
+    let (vertices, triangles) = (triples(&vertices)?, triples(&triangles)?);
+    let uv = uv.as_slice()?.to_vec();
+    let islands = watched(py, None, None, move |_| {
+        let surface = Surface::new(vertices, &triangles)?;
+        let values = CornerValues {
+            values: &uv,
+            channels: 2,
+            tolerance: layout::UV_ROUNDING,
+        };
+        Ok(corners::islands(&surface, &values.open(&surface)))
+    })?;
+    Ok(whole(islands).into_pyarray(py))
+}
+
+/// Adds what is here to the module.
+pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    module.add_class::<SurfaceMap>()?;
+    module.add_function(wrap_pyfunction!(judge_layout, module)?)?;
+    module.add_function(wrap_pyfunction!(uv_islands, module)?)?;
+    Ok(())
+}

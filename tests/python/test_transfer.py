@@ -1,0 +1,237 @@
+"""Data carried along known maps: what must come back does, and what must not happen does not."""
+
+import numpy as np
+import pytest
+import sgmds
+from sgmds import characters
+
+
+def sphere(rings, segments, turn=0.0):
+    """A ball of triangles with poles: vertices, triangles and their UVs, cut along a meridian."""
+    vertices, uv = [(0.0, 0.0, 1.0)], []
+    for i in range(1, rings):
+        for j in range(segments):
+            polar, angle = np.pi * i / rings, 2 * np.pi * j / segments + turn
+            vertices.append((np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar)))
+    vertices.append((0.0, 0.0, -1.0))
+    faces = []
+    last = len(vertices) - 1
+
+    def ring(i, j):
+        return 1 + (i - 1) * segments + j % segments
+
+    def place(i, j):
+        return (j / segments, 1.0 - i / rings)
+
+    for j in range(segments):
+        faces.append((0, ring(1, j), ring(1, j + 1)))
+        uv.append((place(0, j + 0.5), place(1, j), place(1, j + 1)))
+        for i in range(1, rings - 1):
+            faces.append((ring(i, j), ring(i + 1, j), ring(i + 1, j + 1)))
+            uv.append((place(i, j), place(i + 1, j), place(i + 1, j + 1)))
+            faces.append((ring(i, j), ring(i + 1, j + 1), ring(i, j + 1)))
+            uv.append((place(i, j), place(i + 1, j + 1), place(i, j + 1)))
+        faces.append((last, ring(rings - 1, j + 1), ring(rings - 1, j)))
+        uv.append((place(rings, j + 0.5), place(rings - 1, j + 1), place(rings - 1, j)))
+    return np.array(vertices), np.array(faces), np.array(uv)
+
+
+def nearest(source, target):
+    """The nearest point of the source for each target vertex, by trying every triangle."""
+    vertices, faces = source
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    u, v = b - a, c - a
+    inverse = np.linalg.pinv(np.stack([u, v], axis=-1))
+    found, weights = [], []
+    for point in target[0]:
+        d = point - a
+        s, t = np.clip(np.einsum("mij,mj->mi", inverse, d), 0, 1).T
+        over = np.maximum(s + t, 1.0)
+        s, t = s / over, t / over
+        place = a + s[:, None] * u + t[:, None] * v
+        best = np.linalg.norm(place - point, axis=1).argmin()
+        found.append(best)
+        weights.append((1 - s[best] - t[best], s[best], t[best]))
+    return np.array(found), np.array(weights)
+
+
+def polygons(faces):
+    return np.arange(len(faces) + 1) * 3, faces.ravel()
+
+
+def copy_map(vertices, faces, seed=0, scale=2.0):
+    """A turned, scaled, renumbered copy: map, old vertex of each new one, rotation, faces of the copy."""
+    rng = np.random.default_rng(seed)
+    old = rng.permutation(len(vertices))
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    turn *= np.sign(np.linalg.det(turn))
+    other = np.argsort(old)[faces]
+    triangle, corner = np.empty(len(vertices), int), np.empty(len(vertices), int)
+    for k in range(3):
+        triangle[faces[:, k]], corner[faces[:, k]] = np.arange(len(faces)), k
+    way = sgmds.SurfaceMap(
+        (vertices, faces), (scale * vertices[old] @ turn.T, other), triangle[old], np.eye(3)[corner[old]]
+    )
+    return way, old, turn, other
+
+
+@pytest.fixture(scope="module")
+def character():
+    return characters.make("biped", "plain", "wave", resolution=2000, seed=3)
+
+
+def test_displacements_turn_and_grow_with_the_body(character):
+    way, old, turn, _ = copy_map(character.vertices, character.faces)
+    rng = np.random.default_rng(1)
+    field = rng.normal(size=character.vertices.shape)
+    field[character.vertices[:, 2] < 1.0] = 0.0
+    carried = way.displacements(field)
+    np.testing.assert_allclose(carried, 2.0 * field[old] @ turn.T, atol=1e-9)
+    still = character.vertices[old][:, 2] < 1.0
+    assert still.sum() > 500
+    assert (carried[still] == 0.0).all()
+    assert way.displacements(field[None]).shape == (1, *carried.shape)
+    np.testing.assert_allclose(way.displacements(field, turn_only=True), field[old] @ turn.T, atol=1e-9)
+
+
+def test_a_mirrored_map_mirrors_displacements(character):
+    """A left half moved to the right: directions along the mirror's axis turn round."""
+    vertices, faces = character.vertices, character.faces
+    mirror = np.array([-1.0, 1.0, 1.0])
+    triangle, corner = np.empty(len(vertices), int), np.empty(len(vertices), int)
+    for k in range(3):
+        triangle[faces[:, k]], corner[faces[:, k]] = np.arange(len(faces)), k
+    way = sgmds.SurfaceMap(
+        (vertices, faces), (vertices * mirror, faces[:, ::-1]), triangle, np.eye(3)[corner]
+    )
+    field = np.random.default_rng(2).normal(size=vertices.shape)
+    np.testing.assert_allclose(way.displacements(field), field * mirror, atol=1e-9)
+
+
+def test_uvs_come_back_on_a_copy():
+    vertices, faces, uv = sphere(24, 32)
+    way, _, _, other = copy_map(vertices, faces)
+    layout = way.layout(*polygons(other), uv)
+    np.testing.assert_allclose(layout.uv.reshape(-1, 3, 2), uv, atol=1e-9)
+    assert not layout.straddles.any()
+
+
+def test_no_triangle_is_wider_than_its_share_of_a_seam():
+    """Around the ball u runs from 0 to 1; a triangle over the cut would be wide in u."""
+    vertices, faces, uv = sphere(24, 48)
+    other_vertices, other_faces, _ = sphere(17, 31, turn=0.1)
+    way = sgmds.SurfaceMap(
+        (vertices, faces),
+        (other_vertices, other_faces),
+        *nearest((vertices, faces), (other_vertices, other_faces)),
+    )
+    layout = way.layout(*polygons(other_faces), uv)
+    found = layout.uv.reshape(-1, 3, 2)
+    middle = np.abs(other_vertices[other_faces][:, :, 2]).max(axis=1) < 0.95
+    # A triangle is 1/31 wide and 1/17 high.
+    assert np.ptp(found[middle][:, :, 0], axis=1).max() < 1.3 / 31
+    assert np.ptp(found[middle][:, :, 1], axis=1).max() < 1.3 / 17
+    assert layout.straddles[middle].any()
+    report = sgmds.judge_layout(other_vertices[other_faces[middle]], found[middle])
+    assert report["flipped"] == 0.0
+    # Beyond the cut a column of triangles may lie over the first one's texels, not more.
+    assert report["overlap"] < 2 / 31
+
+
+def test_faces_keep_to_one_island(character):
+    """With the islands ten apart, a triangle over two of them would be at least that wide."""
+    other = characters.make("biped", "plain", "wave", resolution=1500, seed=4)
+    corners = character.vertices, character.faces
+    target = other.vertices, other.faces
+    way = sgmds.SurfaceMap(corners, target, *nearest(corners, target))
+    islands = sgmds.uv_islands(character.vertices, character.faces, character.uv)
+    assert islands.max() >= len(character.body.names) - 1
+    apart = character.uv + 10.0 * islands[:, None, None]
+    layout = way.layout(*polygons(other.faces), apart)
+    found = layout.uv.reshape(-1, 3, 2)
+    assert np.ptp(found, axis=1).max() < 1.0
+    # UVs lie in the unit square, and extrapolation reaches a face's width beyond.
+    np.testing.assert_array_equal(np.floor((found[:, 0] + 1.0) / 10.0)[:, 0], layout.island)
+    assert layout.straddles.any()
+
+
+def test_limited_rows_sum_to_one(character):
+    way, old, _, _ = copy_map(character.vertices, character.faces)
+    table = character.weights
+    vertex, group = np.nonzero(table)
+    starts = np.append(0, np.cumsum((table > 0).sum(axis=1)))
+    plain = way.skin_weights(starts, group, table[vertex, group], table.shape[1])
+    np.testing.assert_allclose(plain.dense(table.shape[1]), table[old], atol=1e-12)
+    few = way.skin_weights(
+        starts, group, table[vertex, group], table.shape[1], limit=3, prune=0.01, smoothing=2
+    )
+    assert np.diff(few.starts).max() == 3
+    np.testing.assert_allclose(few.dense(table.shape[1]).sum(axis=1), 1.0, atol=1e-12)
+
+
+def test_rejected_vertices_are_filled_between_their_neighbours(character):
+    """Filled values lie within the range of the rim: the discrete maximum principle."""
+    count = len(character.vertices)
+    values = character.vertices[:, 2:].copy()
+    unknown = np.zeros(count, bool)
+    unknown[np.linalg.norm(character.vertices - character.vertices[100], axis=1) < 0.15] = True
+    way, old, _, other = copy_map(character.vertices, character.faces)
+    filled = way.filled(values[old], unknown[old])
+    ends = np.concatenate([other[:, [0, 1]], other[:, [1, 2]], other[:, [2, 0]]])
+    rim = np.unique(ends[unknown[old][ends[:, 0]] & ~unknown[old][ends[:, 1]], 1])
+    inside = filled[unknown[old], 0]
+    assert values[old][rim].min() <= inside.min() and inside.max() <= values[old][rim].max()
+    np.testing.assert_array_equal(filled[~unknown[old]], values[old][~unknown[old]])
+
+
+def test_joints_of_a_rigid_copy_are_exact(character):
+    way, _, turn, _ = copy_map(character.vertices, character.faces)
+    joints = character.body.starts
+    rows = [(np.flatnonzero(column), column[column > 0]) for column in character.weights.T]
+    for influence in (None, rows):
+        places, turns, scales = way.joints(joints, influence)
+        np.testing.assert_allclose(places, 2.0 * joints @ turn.T, atol=1e-8)
+        np.testing.assert_allclose(turns, np.broadcast_to(turn, turns.shape), atol=1e-8)
+        np.testing.assert_allclose(scales, 2.0, rtol=1e-9)
+
+
+def test_small_parts_go_to_their_counterparts(character):
+    """Two unmatched balls beside the head: each goes to its own side, though numbered the other way round."""
+    vertices, faces, _ = sphere(6, 8)
+    head = character.body.starts[character.body.names.index("head")]
+    sides = [head + (side * 0.12, -0.3, 0.1) for side in (1.0, -1.0)]
+
+    def with_balls(order):
+        points, triangles = [character.vertices], [character.faces]
+        for centre in (sides[i] for i in order):
+            triangles.append(faces + sum(map(len, points)))
+            points.append(centre + 0.05 * vertices)
+        return np.concatenate(points), np.concatenate(triangles)
+
+    source, target = with_balls((0, 1)), with_balls((1, 0))
+    count, extra = len(character.vertices), len(vertices)
+    triangle, corner = np.zeros(len(target[0]), int), np.zeros(len(target[0]), int)
+    for k in range(3):
+        triangle[character.faces[:, k]], corner[character.faces[:, k]] = np.arange(len(character.faces)), k
+    trust = np.where(np.arange(len(target[0])) < count, 1.0, 0.0)
+    way = sgmds.SurfaceMap(source, target, triangle, np.eye(3)[corner], trust)
+    np.testing.assert_allclose(way.images[count:], target[0][count:], atol=1e-3)
+    assert (way.confidence[count:] > 0.0).all()
+    assert (way.confidence[count : count + extra] < 1.0).all()
+    moved = way.followed(target[0][count:], np.zeros(2 * extra, int))
+    np.testing.assert_allclose(moved, target[0][count:], atol=1e-6)
+
+
+def test_what_does_not_fit_is_refused_in_words(character):
+    mesh = character.vertices, character.faces
+    count = len(character.vertices)
+    weights = np.tile([1.0, 0.0, 0.0], (count, 1))
+    with pytest.raises(sgmds.ArgumentError, match="faces"):
+        sgmds.SurfaceMap(mesh, mesh, np.zeros(3), weights)
+    with pytest.raises(sgmds.ArgumentError, match="made for this source"):
+        sgmds.SurfaceMap(mesh, mesh, np.full(count, 10**6), weights)
+    way = sgmds.SurfaceMap(mesh, mesh, np.zeros(count), weights)
+    with pytest.raises(sgmds.ArgumentError, match="offsets"):
+        way.displacements(np.zeros((3, 3)))
+    with pytest.raises(sgmds.ArgumentError, match="8192"):
+        way.bake(character.uv, character.uv, np.zeros((4, 4, 4)), 9000, 4)
