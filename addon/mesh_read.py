@@ -108,6 +108,13 @@ def face_starts(mesh):
     return np.append(values, np.int32(len(mesh.loops)))
 
 
+def edges(mesh):
+    """Vertices of every edge, (edges, 2) int32."""
+    values = np.empty(len(mesh.edges) * 2, np.int32)
+    mesh.edges.foreach_get("vertices", values)
+    return values.reshape(-1, 2)
+
+
 def triangle_vertices(mesh):
     """`loop_triangles` as vertex ids, (m, 3) int32."""
     # Triangles stay as they are, and reading them this way is 50 times as fast; sculpts and scans are large.

@@ -22,6 +22,7 @@ VALUE_LAYOUT = {
     "INT16_2D": ("value", 2, np.int16),
     "INT32_2D": ("value", 2, np.int32),
     "QUATERNION": ("value", 4, np.float32),
+    "FLOAT4X4": ("value", 16, np.float32),
 }
 
 

@@ -3,13 +3,36 @@
 
 from bpy.props import BoolProperty
 
-from . import colours, uv_maps, vertex_groups
+from . import (
+    armatures,
+    attributes,
+    colours,
+    companions,
+    edge_marks,
+    materials,
+    shape_keys,
+    textures,
+    uv_maps,
+    vertex_groups,
+)
 from .kind import Kind, Prepared
 from .route import Route
 
 __all__ = ["KINDS", "Kind", "Prepared", "TransferChoice", "TransferOptions", "carry_all", "checked"]
 
-KINDS = (vertex_groups.KIND, uv_maps.KIND, colours.KIND)
+# In the order of the panel, which is the order of writing.
+KINDS = (
+    vertex_groups.KIND,
+    shape_keys.KIND,
+    edge_marks.KIND,
+    uv_maps.KIND,
+    materials.KIND,
+    colours.KIND,
+    attributes.KIND,
+    textures.KIND,
+    armatures.KIND,
+    companions.KIND,
+)
 
 # Both classes only bring properties to the property group or operator that inherits them.
 TransferOptions = type(

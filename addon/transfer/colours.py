@@ -18,8 +18,11 @@ def prepare(route, wanted, _options):
     carried = []
     for name in wanted:
         layer = source.color_attributes[name]
-        values = read_attribute(layer)
-        values = route.to_points(values) if layer.domain == "POINT" else carry_corners(route, values)
+        values = read_attribute(layer).astype(np.float64)
+        if layer.domain == "POINT":
+            values = route.to_points(values)
+        else:
+            values = route.map.corner_values(*route.faces, values[route.triangle_corners])
         carried.append((name, layer.data_type, layer.domain, np.clip(values, 0.0, None)))
     return Prepared(lambda: _write(route, wanted, carried))
 
@@ -35,26 +38,6 @@ def _write(route, wanted, carried):
     name = source.color_attributes[render].name if render >= 0 else ""
     if name in wanted:
         target.color_attributes.render_color_index = target.color_attributes.find(name)
-
-
-def carry_corners(route, values):
-    """Values at source corners → values at target corners; a hard border stays hard."""
-    triangle = route.face[route.corner_vertex].astype(np.int64)
-    weights = route.barycentric[route.corner_vertex]
-    torn = np.flatnonzero(_torn_vertices(route, values)[route.triangles[triangle]].any(axis=1))
-    if len(torn):
-        triangle[torn], weights[torn] = route.inward_places(torn)
-    return np.einsum("qk,qkc->qc", weights, values[route.triangle_corners[triangle]])
-
-
-def _torn_vertices(route, values):
-    """Source vertices whose corners do not all have one value."""
-    vertex, corner_values = route.triangles.ravel(), values[route.triangle_corners.ravel()]
-    size = (len(route.source.data.vertices), values.shape[1])
-    low, high = np.full(size, np.inf), np.full(size, -np.inf)
-    np.minimum.at(low, vertex, corner_values)
-    np.maximum.at(high, vertex, corner_values)
-    return (high > low).any(axis=1)
 
 
 KIND = Kind("colours", "Color Attributes", "GROUP_VCOL", "Carry painted colors", names, prepare)

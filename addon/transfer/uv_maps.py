@@ -4,29 +4,23 @@ chart.
 """
 
 import numpy as np
+from bpy.props import BoolProperty
 
+from .. import core, mesh_read
 from ..mesh_read import UnusableObjectError
+from ..mesh_write import write_attribute
 from .kind import Kind, Prepared
 
-# Two places are on one side of every seam when the chart of each foretells the other's UV with an error of at
-# most a share of their distance (in UV, at the chart's local scale). Across a seam the error is far larger,
-# except towards its end, where its two sides meet. A face is suspected early, which costs only the walk
-# below; on the walk curvature must not look like a seam: it costs up to 0.36 on half a turn.
-SUSPECT_MISS = 0.12
-SEAM_MISS = 0.5
-# UV differences below this are rounding.
-UV_ROUNDING = 1e-5
-# Places asked for on the way from a face's centre to its corner, to learn on which side of a seam the corner
-# is.
-WALK = (0.25, 0.5, 0.75, 0.95)
 MOST_UV_MAPS = 8
+# Worse than the source's by more than this is said: stretch as a factor, shares of area as a difference.
+STRETCH_ROOM, SHARE_ROOM = 1.25, 0.02
 
 
 def names(source):
     return [layer.name for layer in source.data.uv_layers]
 
 
-def prepare(route, wanted, _options):
+def prepare(route, wanted, options):
     source, target = route.source.data, route.target.data
     room = MOST_UV_MAPS - len(target.uv_layers)
     if sum(name not in target.uv_layers for name in wanted) > room:
@@ -34,15 +28,65 @@ def prepare(route, wanted, _options):
             f"'{route.target.name}' has room for {room} more UV maps only; {MOST_UV_MAPS} are the most there "
             "can be. Remove one"
         )
-    carried = {}
+    carried, notes = {}, []
     for name in wanted:
-        values = np.empty(len(source.loops) * 2, np.float32)
-        source.uv_layers[name].uv.foreach_get("vector", values)
-        carried[name] = carry_uv(route, values.reshape(-1, 2).astype(np.float64))
-    return Prepared(lambda: _write(source, target, carried))
+        uv = read_uv(source, name)[route.triangle_corners]
+        layout = route.map.layout(*route.faces, uv)
+        carried[name] = layout.uv
+        notes += _faults(route, name, uv, layout.uv)
+    seams = _seams(route, carried[_active(source, wanted)]) if options.mark_seams else None
+    return Prepared(lambda: _write(source, target, carried, seams), tuple(notes))
 
 
-def _write(source, target, carried):
+def read_uv(mesh, name):
+    """UVs of every face corner, (corners, 2)."""
+    values = np.empty(len(mesh.loops) * 2, np.float32)
+    mesh.uv_layers[name].uv.foreach_get("vector", values)
+    return values.reshape(-1, 2).astype(np.float64)
+
+
+def _active(mesh, wanted):
+    active = mesh.uv_layers.active
+    return active.name if active is not None and active.name in wanted else wanted[0]
+
+
+def _faults(route, name, source_uv, target_uv):
+    """Words about what became worse on the way."""
+    judge = core.load().judge_layout
+    before = judge(route.source_points[route.triangles], source_uv)
+    corners, _ = mesh_read.triangle_corners(route.target.data)
+    after = judge(route.target_points[route.target_triangles], target_uv[corners])
+    words = []
+    if after["stretch"] > STRETCH_ROOM * before["stretch"]:
+        words.append(f"is stretched {after['stretch']:.2f} (source {before['stretch']:.2f})")
+    for fault, verb in (("flipped", "flipped"), ("overlap", "overlapping")):
+        if after[fault] > before[fault] + SHARE_ROOM:
+            words.append(f"has {after[fault]:.0%} {verb} area (source {before[fault]:.0%})")
+    return [f"UV map '{name}' on '{route.target.name}' " + " and ".join(words)] if words else []
+
+
+def _seams(route, uv):
+    """For each edge of the target whether its two faces lie apart in the layout."""
+    starts, vertex = route.faces
+    following = np.arange(1, len(vertex) + 1)
+    following[starts[1:] - 1] = starts[:-1]
+    edge = np.empty(len(vertex), np.int32)
+    route.target.data.loops.foreach_get("edge_index", edge)
+    # Each side's UVs, in the order of the edge's vertices.
+    swap = (vertex > vertex[following])[:, None]
+    ends = np.hstack([np.where(swap, uv[following], uv), np.where(swap, uv, uv[following])])
+    count = len(route.target.data.edges)
+    low, high = np.full((count, 4), np.inf), np.full((count, 4), -np.inf)
+    np.minimum.at(low, edge, ends)
+    np.maximum.at(high, edge, ends)
+    return (high - low > SAME_UV).any(axis=1)
+
+
+# Corners further apart than this in UV are on two sides of a seam.
+SAME_UV = 1e-5
+
+
+def _write(source, target, carried, seams):
     for name, values in carried.items():
         layer = target.uv_layers.get(name) or target.uv_layers.new(name=name, do_init=False)
         layer.uv.foreach_set("vector", values.astype(np.float32).ravel())
@@ -52,104 +96,22 @@ def _write(source, target, carried):
     for layer in source.uv_layers:
         if layer.active_render and layer.name in carried:
             target.uv_layers[layer.name].active_render = True
+    if seams is not None:
+        write_attribute(target, "uv_seam", "BOOLEAN", "EDGE", seams)
 
 
-class Charts:
-    """A UV map as charts: `island` of each triangle, and the affine map from its plane to UV."""
-
-    def __init__(self, route, uv):
-        self.uv = uv[route.triangle_corners]
-        self.island = triangle_islands(route.triangles, self.uv)
-        self.points = route.source_points[route.triangles]
-        along, up = self.points[:, 1] - self.points[:, 0], self.points[:, 2] - self.points[:, 0]
-        # Rows of the plane's pseudo-inverse: gradients of the second and third barycentric weight.
-        aa, ab, bb = (np.einsum("ij,ij->i", x, y) for x, y in ((along, along), (along, up), (up, up)))
-        area = aa * bb - ab * ab
-        area = np.where(area > 1e-12 * aa * bb, area, np.inf)[:, None]
-        second = (bb[:, None] * along - ab[:, None] * up) / area
-        third = (aa[:, None] * up - ab[:, None] * along) / area
-        du, dv = self.uv[:, 1] - self.uv[:, 0], self.uv[:, 2] - self.uv[:, 0]
-        self.jacobian = np.einsum("ia,ib->iab", du, second) + np.einsum("ia,ib->iab", dv, third)
-        scale = np.linalg.norm(self.jacobian, axis=(1, 2))
-        # A triangle without area says nothing about scale: it takes the middle one.
-        usual = np.median(scale[scale > 0.0]) if (scale > 0.0).any() else 0.0
-        self.scale = np.where(scale > 0.0, scale, usual)
-
-    def at(self, triangle, points):
-        """UV of points in the planes of their triangles, beyond the edges too: (q, 2)."""
-        offset = points - self.points[triangle, 0]
-        return self.uv[triangle, 0] + np.einsum("qab,qb->qa", self.jacobian[triangle], offset)
-
-    def one_side(self, triangle, uv, points, other_triangle, other_uv, other_points, miss):
-        """True where two places lie on one side of every seam."""
-        step, way = other_uv - uv, other_points - points
-        misses = [
-            np.linalg.norm(step - np.einsum("qab,qb->qa", self.jacobian[start], way), axis=1)
-            for start in (triangle, other_triangle)
-        ]
-        scale = np.maximum(self.scale[triangle], self.scale[other_triangle])
-        room = miss * scale * np.linalg.norm(way, axis=1) + UV_ROUNDING
-        return (self.island[triangle] == self.island[other_triangle]) & (np.maximum(*misses) <= room)
-
-
-def carry_uv(route, uv):
-    """UVs at source corners → UVs at target corners, (c, 2)."""
-    charts = Charts(route, uv)
-    vertex = route.corner_vertex
-    triangle = route.face[vertex]
-    point = route.image[vertex]
-    carried = np.einsum("qk,qkc->qc", route.barycentric[vertex], charts.uv[triangle])
-    following = route.next_corner
-    ahead = (triangle[following], carried[following], point[following])
-    whole = charts.one_side(triangle, carried, point, *ahead, SUSPECT_MISS)
-    straddling = np.unique(route.corner_face[~whole])
-    if len(straddling):
-        corners = np.flatnonzero(np.isin(route.corner_face, straddling))
-        carried[corners] = _from_one_side(route, charts, straddling, corners)
-    return carried
-
-
-def _from_one_side(route, charts, faces, corners):
-    """UVs of the corners of straddling faces, each followed from the face's centre along the chart."""
-    place = np.searchsorted(faces, route.corner_face[corners])
-    centre = route.face_centre[faces]
-    triangle, start = route.nearest(centre)
-    last_triangle, last_point = triangle[place], start[place]
-    last_uv = charts.at(last_triangle, last_point)
-    goal = route.image[route.corner_vertex[corners]]
-    walking = np.ones(len(corners), bool)
-    for share in WALK:
-        on = np.flatnonzero(walking)
-        step_triangle, step_point = route.nearest(centre[place[on]] + share * (goal[on] - centre[place[on]]))
-        step_uv = charts.at(step_triangle, step_point)
-        same = charts.one_side(
-            last_triangle[on], last_uv[on], last_point[on], step_triangle, step_uv, step_point, SEAM_MISS
+KIND = Kind(
+    "uv",
+    "UV Maps",
+    "GROUP_UVS",
+    "Carry UV maps, cut where the source's seams fall",
+    names,
+    prepare,
+    {
+        "mark_seams": BoolProperty(
+            name="Mark Seams",
+            default=True,
+            description="Mark the target's edges as seams where the carried UV map is cut",
         )
-        walking[on[~same]] = False
-        on = on[same]
-        last_triangle[on], last_point[on], last_uv[on] = step_triangle[same], step_point[same], step_uv[same]
-    return last_uv + np.einsum("qab,qb->qa", charts.jacobian[last_triangle], goal - last_point)
-
-
-def triangle_islands(triangles, uv):
-    """Number of each triangle's UV island: triangles hang together at a common vertex with a common UV."""
-    rounded = np.round(uv.reshape(-1, 2) / UV_ROUNDING).astype(np.int64)
-    keys = np.column_stack([triangles.ravel().astype(np.int64), rounded])
-    _, spot = np.unique(keys, axis=0, return_inverse=True)
-    spot = spot.reshape(-1, 3)
-    label = np.arange(spot.max() + 1) if len(spot) else np.zeros(0, np.int64)
-    while True:
-        # Each triangle pulls its spots down to their lowest label, and labels are followed to their roots.
-        lowest = label[spot].min(axis=1)
-        lower = label.copy()
-        for k in range(3):
-            np.minimum.at(lower, label[spot[:, k]], lowest)
-            np.minimum.at(lower, spot[:, k], lowest)
-        while not np.array_equal(lower, lower[lower]):
-            lower = lower[lower]
-        if np.array_equal(lower, label):
-            return label[spot[:, 0]]
-        label = lower
-
-
-KIND = Kind("uv", "UV Maps", "GROUP_UVS", "Carry UV maps, cut where the source's seams fall", names, prepare)
+    },
+)

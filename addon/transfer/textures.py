@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Image textures of the source's materials, baked into the target's own UV layout."""
+
+import bpy
+import numpy as np
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
+
+from .. import mesh_read
+from ..mesh_read import UnusableObjectError
+from .kind import Kind, Prepared
+from .uv_maps import read_uv
+
+LARGEST_TRIANGULATED = 4
+
+
+def _nodes(source):
+    """Image texture nodes of the source's materials with an image."""
+    for slot in source.material_slots:
+        if slot.material is not None and slot.material.node_tree is not None:
+            for node in slot.material.node_tree.nodes:
+                if node.type == "TEX_IMAGE" and node.image is not None:
+                    yield slot.material, node
+
+
+def names(source):
+    return sorted({node.image.name for _, node in _nodes(source)})
+
+
+def prepare(route, wanted, options):
+    target_uv = _own_layout(route, options)
+    baked = {}
+    for _, node in _nodes(route.source):
+        if node.image.name in wanted and node.image.name not in baked:
+            baked[node.image.name] = _bake(route, node, target_uv, options)
+
+    def write():
+        images = {name: _store(route, name, pixels) for name, pixels in baked.items()}
+        if options.bake_material:
+            _replace_materials(route, images, target_uv)
+
+    return Prepared(write)
+
+
+def _own_layout(route, options):
+    layers = route.target.data.uv_layers
+    name = options.bake_uv or (layers.active.name if layers.active else "")
+    if name not in layers:
+        what = f"has no UV map '{name}'" if name else "has no UV map of its own"
+        raise UnusableObjectError(f"'{route.target.name}' {what} to bake textures into. Unwrap it first")
+    return name
+
+
+def _bake(route, node, target_uv, options):
+    image = node.image
+    pixels = read_pixels(image)
+    height, width = pixels.shape[:2]
+    if options.bake_size != "SOURCE":
+        width = height = int(options.bake_size)
+    source_uv = _uv_of(route.source, node)
+    target_corners, _ = mesh_read.triangle_corners(route.target.data)
+    frames = None
+    if _is_normal_map(node):
+        frames = (
+            *_tangent_frames(route.source, source_uv, route.triangle_corners),
+            *_tangent_frames(route.target, target_uv, target_corners),
+        )
+    progress = _progress()
+    try:
+        return route.map.bake(
+            read_uv(route.source.data, source_uv)[route.triangle_corners],
+            read_uv(route.target.data, target_uv)[target_corners],
+            pixels,
+            width,
+            height,
+            margin=options.bake_margin,
+            straight_alpha=image.alpha_mode == "STRAIGHT",
+            tangent_frames=frames,
+            progress=progress,
+        )
+    finally:
+        bpy.context.window_manager.progress_end()
+
+
+def _progress():
+    manager = bpy.context.window_manager
+    manager.progress_begin(0.0, 1.0)
+
+    def report(_stage, fraction):
+        manager.progress_update(fraction)
+
+    return report
+
+
+def read_pixels(image):
+    """Texels (height, width, 4), rows from the bottom, in the image's own colour space."""
+    if image.source in {"TILED", "SEQUENCE", "MOVIE"}:
+        raise UnusableObjectError(
+            f"Image '{image.name}' has tiles or frames; only single images can be baked. "
+            "Leave it out, or replace it with a single image"
+        )
+    width, height = image.size
+    if not image.has_data and not image.pixels:
+        raise UnusableObjectError(f"Image '{image.name}' has no pixels. Find its file: File > External Data")
+    channels = image.channels
+    values = np.empty(width * height * channels, np.float32)
+    image.pixels.foreach_get(values)
+    values = values.reshape(height, width, channels)
+    if channels == 4:
+        return values
+    full = np.ones((height, width, 4), np.float32)
+    full[..., :3] = values[..., :3] if channels >= 3 else values[..., :1]
+    return full
+
+
+def _uv_of(source, node):
+    """Name of the UV map by which the node is laid onto the source."""
+    layers = source.data.uv_layers
+    if not layers:
+        raise UnusableObjectError(f"'{source.name}' has no UV map, so its textures have no place on it")
+    for link in node.inputs["Vector"].links:
+        if link.from_node.type == "UVMAP" and link.from_node.uv_map in layers:
+            return link.from_node.uv_map
+    return next((layer.name for layer in layers if layer.active_render), layers[0].name)
+
+
+def _is_normal_map(node):
+    return any(
+        link.to_node.type == "NORMAL_MAP" and link.to_node.space == "TANGENT"
+        for link in node.outputs["Color"].links
+    )
+
+
+def _tangent_frames(obj, uv, triangle_corners):
+    """Normals (m, 3, 3) and tangents with sign (m, 3, 4) at the triangles' corners, as renderers use them."""
+    mesh = obj.data
+    if any(face.loop_total > LARGEST_TRIANGULATED for face in mesh.polygons):
+        raise UnusableObjectError(
+            f"'{obj.name}' has faces with more than {LARGEST_TRIANGULATED} corners, which have no tangents. "
+            "Triangulate them to bake a normal map"
+        )
+    mesh.calc_tangents(uvmap=uv)
+    try:
+        count = len(mesh.loops)
+        normal, tangent = np.empty(count * 3, np.float32), np.empty(count * 3, np.float32)
+        sign = np.empty(count, np.float32)
+        mesh.loops.foreach_get("normal", normal)
+        mesh.loops.foreach_get("tangent", tangent)
+        mesh.loops.foreach_get("bitangent_sign", sign)
+    finally:
+        mesh.free_tangents()
+    tangents = np.column_stack([tangent.reshape(-1, 3), sign])
+    return normal.reshape(-1, 3)[triangle_corners], tangents[triangle_corners]
+
+
+def _store(route, name, pixels):
+    """A new image beside the source's, or new pixels for the one baked before."""
+    image = bpy.data.images[name]
+    title = f"{name} {route.target.name}"
+    height, width = pixels.shape[:2]
+    made = bpy.data.images.get(title)
+    if made is None or made.is_float != image.is_float:
+        made = bpy.data.images.new(title, width, height, alpha=True, float_buffer=image.is_float)
+    elif tuple(made.size) != (width, height):
+        made.scale(width, height)
+    made.colorspace_settings.name = image.colorspace_settings.name
+    made.alpha_mode = image.alpha_mode
+    made.pixels.foreach_set(np.ascontiguousarray(pixels).ravel())
+    made.update()
+    made.pack()
+    return made
+
+
+def _replace_materials(route, images, uv):
+    """In the target's slots: copies of the source's materials with the baked images and the target's UVs."""
+    if not route.target.material_slots:
+        for slot in route.source.material_slots:
+            route.target.data.materials.append(slot.material)
+    used = {material for material, node in _nodes(route.source) if node.image.name in images}
+    for slot in route.target.material_slots:
+        if slot.material not in used:
+            continue
+        title = f"{slot.material.name} {route.target.name}"
+        copy = bpy.data.materials.get(title) or slot.material.copy()
+        copy.name = title
+        for node in copy.node_tree.nodes:
+            if node.type == "TEX_IMAGE" and node.image is not None and node.image.name in images:
+                node.image = images[node.image.name]
+            elif node.type in {"UVMAP", "NORMAL_MAP"}:
+                node.uv_map = uv
+        slot.material = copy
+
+
+KIND = Kind(
+    "textures",
+    "Textures",
+    "TEXTURE",
+    "Bake the source's image textures into the target's own UV layout",
+    names,
+    prepare,
+    {
+        "bake_uv": StringProperty(
+            name="UV Map", description="UV map of the target to bake into. Empty: the active one"
+        ),
+        "bake_size": EnumProperty(
+            name="Size",
+            items=[
+                ("SOURCE", "As Source", "As large as the source's image"),
+                *(
+                    (str(side), f"{side} px", f"{side} by {side} pixels")
+                    for side in (512, 1024, 2048, 4096, 8192)
+                ),
+            ],
+            default="SOURCE",
+            description="Size of the baked images",
+        ),
+        "bake_margin": IntProperty(
+            name="Margin",
+            default=16,
+            min=0,
+            soft_max=64,
+            description="Pixels by which islands are extended into the empty space around them",
+        ),
+        "bake_material": BoolProperty(
+            name="Replace Materials",
+            default=True,
+            description="Give the target copies of the materials that show the baked images",
+        ),
+    },
+    default=False,
+)
