@@ -1,0 +1,261 @@
+"""Pictures of each kind of data for docs/: the source, the target before and the target after.
+
+.venv/bin/python .ci/transfer_pictures.py [--only NAME] [--output FOLDER] [--samples N]
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+import bpy
+import numpy as np
+from mathutils import Matrix, Vector
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from sgmds import characters  # noqa: E402
+
+import addon  # noqa: E402
+
+STEP = 1.9
+SIZE = 960, 400
+BARE = (0.62, 0.62, 0.64)
+
+
+def new_object(name, character, x):
+    mesh = bpy.data.meshes.new(name)
+    mesh.from_pydata(character.vertices.tolist(), [], character.faces.tolist())
+    mesh.shade_smooth()
+    obj = bpy.data.objects.new(name, mesh)
+    obj.location = (x, 0.0, -character.vertices[:, 2].min())
+    bpy.context.collection.objects.link(obj)
+    return obj
+
+
+def material(name, build):
+    """A material whose colour is the output of the node that `build(nodes)` returns."""
+    made = bpy.data.materials.new(name)
+    made.use_nodes = True
+    nodes = made.node_tree.nodes
+    shader = nodes["Principled BSDF"]
+    shader.inputs["Roughness"].default_value = 0.6
+    shader.inputs["Base Color"].default_value = (*BARE, 1.0)
+    if build is not None:
+        made.node_tree.links.new(build(nodes), shader.inputs["Base Color"])
+    return made
+
+
+def shown_attribute(name):
+    def build(nodes):
+        node = nodes.new("ShaderNodeVertexColor")
+        node.layer_name = name
+        return node.outputs["Color"]
+
+    return build
+
+
+def checker(nodes):
+    """A checker whose colour runs with u and v, so that islands can be told apart."""
+    side = 512
+    y, x = (np.mgrid[:side, :side] + 0.5) / side
+    dark = (np.floor(x * 60) + np.floor(y * 60)) % 2
+    pixels = np.ones((side, side, 4), np.float32)
+    pixels[..., 0], pixels[..., 1], pixels[..., 2] = 0.25 + 0.7 * x, 0.25 + 0.7 * y, 0.9 - 0.6 * x * y
+    pixels[..., :3] *= np.where(dark, 0.35, 1.0)[..., None]
+    image = bpy.data.images.new("Checker", side, side)
+    image.pixels.foreach_set(pixels.ravel())
+    node = nodes.new("ShaderNodeTexImage")
+    node.image = image
+    return node.outputs["Color"]
+
+
+def add_groups(obj, character):
+    for bone, name in enumerate(character.body.names):
+        group = obj.vertex_groups.new(name=name)
+        for vertex in np.flatnonzero(character.weights[:, bone]).tolist():
+            group.add([vertex], float(character.weights[vertex, bone]), "REPLACE")
+
+
+def show_groups(obj):
+    """A colour for each group, mixed by weight."""
+    hue = np.random.default_rng(3).permutation(len(obj.vertex_groups)) / max(len(obj.vertex_groups), 1)
+    colours = np.stack(
+        [0.5 + 0.45 * np.cos(2 * np.pi * (hue + shift)) for shift in (0, 1 / 3, 2 / 3)], axis=1
+    )
+    values = np.ones((len(obj.data.vertices), 4), np.float32)
+    for vertex in obj.data.vertices:
+        mixed = sum((colours[entry.group] * entry.weight for entry in vertex.groups), np.zeros(3))
+        values[vertex.index, :3] = mixed if vertex.groups else BARE
+    layer = obj.data.color_attributes.new("shown", "FLOAT_COLOR", "POINT")
+    layer.data.foreach_set("color", values.ravel())
+
+
+def add_layout(obj, character):
+    obj.data.uv_layers.new(name="UVMap").uv.foreach_set("vector", character.uv.astype(np.float32).ravel())
+
+
+def add_key(obj, character):
+    obj.shape_key_add(name="Basis", from_mix=False)
+    key = obj.shape_key_add(name="Muscles", from_mix=False)
+    body, part = character.body, character.part
+    at = body.starts[part] + character.axial[:, None] * (body.ends[part] - body.starts[part])
+    height = 0.9 * np.sin(np.pi * np.clip(character.axial, 0, 1)) ** 2
+    limbs = [i for i, name in enumerate(body.names) if name.startswith(("upper_arm", "thigh", "tail"))]
+    height[~np.isin(part, limbs)] = 0.0
+    moved = character.vertices + (character.vertices - at) * height[:, None]
+    key.data.foreach_set("co", moved.astype(np.float32).ravel())
+
+
+def add_materials(obj, character):
+    """Two materials, trunk and limbs."""
+    names = np.array([name.startswith(("hips", "chest", "neck", "head")) for name in character.body.names])
+    trunk = names[character.part][character.faces].sum(axis=1) >= 2
+    for name, colour in (("Limbs", (0.10, 0.28, 0.55)), ("Trunk", (0.85, 0.45, 0.15))):
+        made = material(name, None)
+        made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*colour, 1.0)
+        obj.data.materials.append(made)
+    obj.data.polygons.foreach_set("material_index", trunk.astype(np.int32))
+
+
+def add_rig(obj, character):
+    body = character.body
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.collection.objects.link(rig)
+    rig.location = obj.location
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    for name, head, tail in zip(body.names, body.starts, body.ends, strict=True):
+        bone = rig.data.edit_bones.new(name)
+        bone.head, bone.tail = head, tail
+    for bone in characters.SKELETONS[body.kind]:
+        if bone.parent:
+            rig.data.edit_bones[bone.name].parent = rig.data.edit_bones[bone.parent]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    rig.hide_render = True
+    obj.modifiers.new("Rig", "ARMATURE").object = rig
+
+
+def pose(obj):
+    rig = obj.find_armature()
+    if rig is None:
+        return
+    for name, axis, degrees in (
+        ("upper_arm.L", "X", -50),
+        ("upper_arm.R", "X", 50),
+        ("thigh.L", "X", 35),
+        ("shin.L", "X", -40),
+        ("tail", "Z", 40),
+        ("head", "Y", 25),
+    ):
+        rig.pose.bones[name].matrix_basis = Matrix.Rotation(np.radians(degrees), 4, axis)
+
+
+def groups_scene(source, target, given):
+    add_groups(source, given)
+    return "groups", [show_groups], material("Weights", shown_attribute("shown"))
+
+
+def layout_scene(source, target, given):
+    add_layout(source, given)
+    return "uv", [], material("Layout", checker)
+
+
+def keys_scene(source, target, given):
+    add_key(source, given)
+
+    def strong(obj):
+        if obj.data.shape_keys is not None:
+            obj.data.shape_keys.key_blocks["Muscles"].value = 1.0
+
+    return "keys", [strong], material("Plain", None)
+
+
+def materials_scene(source, target, given):
+    add_materials(source, given)
+    return "materials", [], None
+
+
+def rig_scene(source, target, given):
+    add_groups(source, given)
+    add_rig(source, given)
+    return "groups,armature", [show_groups, pose], material("Weights", shown_attribute("shown"))
+
+
+SCENES = {
+    "weights": groups_scene,
+    "layout": layout_scene,
+    "shape_keys": keys_scene,
+    "materials": materials_scene,
+    "rig": rig_scene,
+}
+
+
+def stage():
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    scene = bpy.context.scene
+    world = bpy.data.worlds.new("Sky")
+    world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs["Color"].default_value = (1.0, 1.0, 1.0, 1)
+    world.node_tree.nodes["Background"].inputs["Strength"].default_value = 0.6
+    scene.world = world
+    sun = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    sun.rotation_euler = (0.8, 0.2, 0.5)
+    sun.data.energy = 2.0
+    camera = bpy.data.objects.new("Camera", bpy.data.cameras.new("Camera"))
+    camera.data.type, camera.data.ortho_scale = "ORTHO", 3.2 * STEP
+    camera.location = (-3.0, -9.0, 2.6)
+    camera.rotation_euler = (Vector((0, 0, 1.05)) - camera.location).to_track_quat("-Z", "Y").to_euler()
+    for obj in (sun, camera):
+        bpy.context.collection.objects.link(obj)
+    scene.camera = camera
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_x, scene.render.resolution_y = SIZE
+    scene.render.image_settings.color_mode = "RGB"
+    scene.view_settings.view_transform = "Standard"
+    # Nothing of the machine in the picture.
+    for stamp in [name for name in dir(scene.render) if name.startswith("use_stamp")]:
+        setattr(scene.render, stamp, False)
+
+
+def draw(name, output, samples):
+    stage()
+    given = characters.make("biped", "slender", "rest", resolution=4000, seed=0)
+    taker = characters.make("biped", "stout", "wave", resolution=5000, seed=1)
+    source, target = new_object("Source", given, -STEP), new_object("Target", taker, STEP)
+    before = new_object("Before", taker, 0.0)
+    kinds, after, shown = SCENES[name](source, target, given)
+    for obj in bpy.context.view_layer.objects:
+        obj.select_set(obj in (source, target))
+    bpy.context.view_layer.objects.active = source
+    bpy.ops.spectral_match.match()
+    bpy.ops.spectral_match.transfer(kinds=kinds)
+    for obj in (source, target):
+        for step in after:
+            step(obj)
+    plain = material("Bare", None)
+    before.data.materials.append(plain)
+    if shown is not None:
+        for obj in (source, target):
+            obj.data.materials.clear()
+            obj.data.materials.append(shown)
+    scene = bpy.context.scene
+    scene.cycles.samples = samples
+    scene.cycles.use_denoising = False
+    scene.render.filepath = str(output / f"transfer_{name}.png")
+    bpy.ops.render.render(write_still=True)
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--only", choices=sorted(SCENES))
+    parser.add_argument("--output", type=Path, default=ROOT / "docs")
+    parser.add_argument("--samples", type=int, default=24)
+    given = parser.parse_args()
+    addon.register()
+    for name in [given.only] if given.only else SCENES:
+        draw(name, given.output, given.samples)
+
+
+if __name__ == "__main__":
+    main()
