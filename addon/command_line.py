@@ -1,70 +1,175 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`blender --background FILE.blend --command spectral_match match|transfer|batch …`"""
+"""`blender --background FILE.blend --command spectral_match match|transfer|batch …`
+
+Exit status: 0 done, 1 something failed, 2 wrong usage, 130 cancelled. Progress and reasons go to standard
+error, a line each.
+"""
 
 import argparse
+import json
+import os
+import signal
 import sys
+from pathlib import Path
 
 import bpy
 
+from . import batch, core
 from .transfer import KINDS
 
-DONE, FAILED, WRONG_USAGE = 0, 1, 2
+DONE, FAILED, WRONG_USAGE, CANCELLED = 0, 1, 2, 130
 _command = None
 
 
 def run(arguments):
-    """Do one step on the opened file and save it; returns the exit status."""
+    """Do one step on the opened file, or on the files of a manifest; returns the exit status."""
+    try:
+        wishes = _wishes(arguments)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else WRONG_USAGE
+    report = {"blender": bpy.app.version_string, "step": wishes.step, "files": []}
+    previous = signal.getsignal(signal.SIGINT)
+    # Without a window Blender keeps Ctrl-C to itself.
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    try:
+        status = _work(wishes, report)
+    except (batch.WrongRequestError, core.CoreMissingError) as reason:
+        report["reason"] = str(reason)
+        status = _fail(str(reason))
+    except (batch.CancelledError, KeyboardInterrupt):
+        report["reason"] = "cancelled"
+        _tell("cancelled; files not yet saved are as they were")
+        status = CANCELLED
+    finally:
+        if previous is not None:
+            signal.signal(signal.SIGINT, previous)
+    report["status"] = status
+    if wishes.json:
+        try:
+            _write_whole(
+                Path(wishes.json).absolute(), json.dumps(report, indent=1, ensure_ascii=False) + "\n"
+            )
+        except OSError as reason:
+            return _fail(f"the report cannot be written: {reason}")
+    return status
+
+
+def _wishes(arguments):
+    """Parsed arguments that fit together; else argparse's own exit with words and status 2."""
+    parser = _parser()
+    wishes = parser.parse_args(arguments)
+    described = [n for n in ("source", "source_file", "target", "transfer", "output") if getattr(wishes, n)]
+    if wishes.manifest and described:
+        options = ", ".join("--" + name.replace("_", "-") for name in described)
+        parser.error(f"with --manifest leave out {options}: it says so itself")
+    if not wishes.manifest and not (wishes.source and wishes.target):
+        parser.error("give --source and --target, or --manifest")
+    return wishes
+
+
+def _kinds(words):
+    try:
+        return batch.kinds_of(words.split(","))
+    except batch.WrongRequestError as reason:
+        raise argparse.ArgumentTypeError(str(reason)) from None
+
+
+def _parser():
     kinds = ",".join(kind.identifier for kind in KINDS)
     parser = argparse.ArgumentParser(
         prog="blender --background FILE.blend --command spectral_match",
-        description="Match meshes of a file and carry data across.",
+        description="Match meshes and carry data from one to others, in the opened file or in the files of "
+        "a manifest. The step 'batch' is match, then transfer.",
+        epilog="Exit status: 0 done, 1 something failed, 2 wrong usage, 130 cancelled.",
     )
-    parser.add_argument("step", choices=("match", "transfer", "batch"), help="batch is match, then transfer")
-    parser.add_argument("--source", required=True, metavar="NAME", help="object that has the data")
-    parser.add_argument("--target", required=True, metavar="NAME[,NAME…]", help="objects that receive it")
-    parser.add_argument(
-        "--transfer", default=kinds, metavar="KINDS", help=f"what to carry, by default {kinds}"
+    parser.add_argument("step", choices=("match", "transfer", "batch"))
+    objects = parser.add_argument_group("objects of the opened file")
+    objects.add_argument("--source", metavar="NAME", help="object that has the data")
+    objects.add_argument("--source-file", metavar="FILE.blend", help="where that object is, if not here")
+    objects.add_argument(
+        "--target", metavar="NAME[,NAME…]", help="objects that receive it; * and ? stand for any letters"
     )
-    parser.add_argument("--output", metavar="OUT.blend", help="where to save; by default the opened file")
-    try:
-        wishes = parser.parse_args(arguments)
-    except SystemExit as end:
-        return end.code if isinstance(end.code, int) else WRONG_USAGE
-    names = [wishes.source, *wishes.target.split(",")]
-    missing = [name for name in names if name not in bpy.context.view_layer.objects]
-    if missing:
-        return _fail(f"There is no object named {', '.join(missing)} in the view layer of this file")
-    output = wishes.output or bpy.data.filepath
+    objects.add_argument("--output", metavar="OUT.blend", help="where to save")
+    files = parser.add_argument_group("many files")
+    files.add_argument("--manifest", metavar="MANIFEST.toml", help="files, objects and outputs, instead")
+    files.add_argument("--folder", metavar="DIR", help="where its outputs go, instead of what it says")
+    files.add_argument("--anywhere", action="store_true", help="let it save outside of its folder")
+    both = parser.add_argument_group("both")
+    both.add_argument(
+        "--transfer", type=_kinds, metavar="KIND[,KIND…]", help=f"what to carry, by default {kinds}"
+    )
+    both.add_argument("--method", choices=("auto", "paper"))
+    both.add_argument("--part", choices=("source", "target"), help="which is only a part of the other")
+    both.add_argument("--mirror", choices=("forbid", "allow"), help="may left and right be exchanged")
+    both.add_argument("--keep-source", action="store_true", help="save a source of another file, too")
+    there = both.add_mutually_exclusive_group()
+    there.add_argument(
+        "--overwrite", action="store_true", help="replace outputs, and inputs of the same name"
+    )
+    there.add_argument("--resume", action="store_true", help="leave out files whose output is there")
+    both.add_argument("--json", metavar="REPORT.json", help="what was done to each pair")
+    return parser
+
+
+def _work(wishes, report):
+    jobs, options = _jobs(wishes)
+    options |= {name: value for name in batch.OPTIONS if (value := getattr(wishes, name))}
+    left = batch.check_overwriting(jobs, wishes.overwrite, wishes.resume)
+    report["skipped"] = [str(job.output) for job in jobs if job not in left]
+    request = batch.Request(wishes.step != "transfer", wishes.step != "match", options)
+    failed = 0
+    for number, job in enumerate(left, start=1):
+        prefix = f"file {number} of {len(left)}, " if len(left) > 1 else ""
+        request.tell = lambda words, prefix=prefix: _tell(prefix + words)
+        entry = batch.work_on(bpy.context, job, request)
+        report["files"].append(entry)
+        failed += sum(pair["status"] != "done" for pair in entry["pairs"])
+        if entry["status"] == "done":
+            request.tell(f"saved {entry['output']}")
+        else:
+            failed += not entry["pairs"]
+            request.tell(f"{entry['file']} failed: {entry['reason']}")
+    return _fail(f"{failed} of the pairs or files failed") if failed else DONE
+
+
+def _jobs(wishes):
+    """The jobs of the manifest, or the one that the options describe, and the manifest's options."""
+    if wishes.manifest:
+        return batch.read_manifest(wishes.manifest, wishes.folder, wishes.anywhere)
+    output = wishes.output or (bpy.data.filepath if wishes.overwrite else "")
     if not output:
-        return _fail("Nothing to save to: open a file or give --output")
-    _select(names)
+        raise batch.WrongRequestError("Nothing to save to: give --output, or --overwrite for the opened file")
+    source_file = Path(wishes.source_file).absolute() if wishes.source_file else None
+    if source_file and not source_file.is_file():
+        raise batch.WrongRequestError(f"There is no file {source_file}")
+    job = batch.FileJob(
+        file=None,
+        pairings=(batch.Pairing(wishes.source, tuple(wishes.target.split(","))),),
+        output=Path(output).absolute(),
+        kinds=wishes.transfer or batch.kinds_of(None),
+        source_file=source_file,
+        keep_source=wishes.keep_source,
+    )
+    return [job], {}
+
+
+def _write_whole(path, text):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    temporary = path.with_name(f".{path.name}.{os.getpid()}")
     try:
-        if wishes.step in ("match", "batch"):
-            finished = bpy.ops.spectral_match.match() == {"FINISHED"}
-        if wishes.step in ("transfer", "batch"):
-            finished = bpy.ops.spectral_match.transfer(kinds=wishes.transfer) == {"FINISHED"}
-        if finished:
-            bpy.ops.wm.save_as_mainfile(filepath=output)
-    except RuntimeError as reason:
-        # Operators called from Python raise what they report.
-        return _fail(str(reason).strip())
-    return DONE if finished else FAILED
+        temporary.write_text(text, encoding="utf-8")
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
-def _select(names):
-    settings = bpy.context.scene.spectral_match
-    settings.pinned = False
-    view_layer = bpy.context.view_layer
-    for obj in view_layer.objects:
-        obj.select_set(False)
-    for name in names:
-        view_layer.objects[name].select_set(True)
-    view_layer.objects.active = view_layer.objects[names[0]]
-    view_layer.update()
+def _tell(words):
+    sys.stderr.write(f"spectral_match: {words}\n")
+    sys.stderr.flush()
 
 
 def _fail(words):
-    sys.stderr.write(f"spectral_match: {words}\n")
+    _tell(words)
     return FAILED
 
 

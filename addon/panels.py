@@ -23,6 +23,8 @@ ADVICE = {
 MOST_BOXES = 3
 # Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
 PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 48, 12, 20
+# The button that hides a message, with the gap before it.
+CROSS_WIDTH = 34
 BIG = 1.6
 
 
@@ -39,10 +41,10 @@ def wrapped(text, fits):
     return [*lines, line] if line else lines
 
 
-def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False):
-    """Several lines of text that fit into the sidebar, the icon before the first."""
+def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, beside=0):
+    """Several lines of text that fit into the sidebar, the icon first, `beside` pixels to spare."""
     scale = context.preferences.system.ui_scale
-    margin = PANEL_MARGIN + boxed * BOX_MARGIN + (icon != "NONE") * ICON_WIDTH
+    margin = PANEL_MARGIN + boxed * BOX_MARGIN + (icon != "NONE") * ICON_WIDTH + beside
     room = context.region.width - margin * scale
     blf.size(0, context.preferences.ui_styles[0].widget.points * scale)
     column = layout.column(align=True)
@@ -94,7 +96,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             row = box.row()
             words = row.column()
             for line in notice.words.splitlines():
-                draw_words(context, words, line, "ERROR", boxed=True)
+                draw_words(context, words, line, "ERROR", boxed=True, beside=CROSS_WIDTH)
             row.operator("spectral_match.dismiss", text="", icon="X", emboss=False)
         elif found.missing:
             draw_words(context, layout.box(), found.missing, "INFO", boxed=True)

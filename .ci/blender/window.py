@@ -168,6 +168,18 @@ def press(command, share=0.5):
     yield 0.3
 
 
+def close_panel(hides, share=0.5):
+    """`yield from`: close the panel that the button `hides` is in, by the header above it."""
+    row = yield from find(hides, share)
+    assert row is not None, f"no button for {hides}"
+    for distance in HEADERS:
+        click(*point("UI", 70, row - distance))
+        yield from redrawn()
+        if hides not in (yield from _command_at(share, row)):
+            return
+    raise AssertionError(f"no header above {hides}")
+
+
 def open_panel(after, reveals, share=0.5):
     """`yield from`: open the panel whose header follows the button `after`, and so the button `reveals`."""
     if (yield from find(reveals, share)) is not None:

@@ -1,42 +1,221 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""`--command spectral_match`, called as Blender calls it: exit status 0, 1 failed, 2 wrong usage."""
+"""`--command spectral_match`, called as Blender calls it: outputs, report, exit status."""
+
+import json
 
 import bpy
+import numpy as np
 import pytest
+from conftest import lumpy, new_object, renumbered, turned
 
-from addon import command_line
+from addon import batch, command_line
+
+WEIGHTS = "Height"
 
 
-def test_batch_matches_transfers_and_saves(pair, tmp_path):
+def add_weights(obj):
+    """A group that differs from vertex to vertex."""
+    group = obj.vertex_groups.new(name=WEIGHTS)
+    for number, value in enumerate(graded([vertex.co.z for vertex in obj.data.vertices])):
+        group.add([number], float(value), "REPLACE")
+
+
+def graded(heights):
+    """Weights from 0.1 to 1 by height; smaller ones would be pruned."""
+    return np.interp(heights, (np.min(heights), np.max(heights)), (0.1, 1.0))
+
+
+def weights(obj):
+    group = obj.vertex_groups[WEIGHTS]
+    return np.array([group.weight(number) for number in range(len(obj.data.vertices))])
+
+
+@pytest.fixture(scope="module")
+def files(registered, tmp_path_factory):
+    """A hero with weights in one file, an orc and a pot in another; the orc is the hero, turned."""
+    folder = tmp_path_factory.mktemp("files")
+    vertices, faces = lumpy(8)
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    add_weights(new_object("Hero", vertices, faces))
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "hero.blend"))
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    moved, other_faces, _ = renumbered(vertices, faces)
+    new_object("Orc", turned(moved), other_faces)
+    new_object("Pot", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [])
+    bpy.ops.wm.save_as_mainfile(filepath=str(folder / "orc.blend"))
+    return folder
+
+
+def written(folder):
+    return {path.name: path.stat().st_mtime_ns for path in folder.rglob("*")}
+
+
+def test_batch_matches_transfers_and_saves(pair, tmp_path, capsys):
     source, _, _ = pair
-    source.vertex_groups.new(name="All").add(list(range(len(source.data.vertices))), 1.0, "REPLACE")
-    output = str(tmp_path / "out.blend")
-    arguments = [
-        "batch",
-        "--source",
-        "Source",
-        "--target",
-        "Target",
-        "--transfer",
-        "groups",
-        "--output",
-        output,
-    ]
-    assert command_line.run(arguments) == 0
-    bpy.ops.wm.open_mainfile(filepath=output)
+    add_weights(source)
+    output, report = tmp_path / "new" / "out.blend", tmp_path / "report.json"
+    words = ["batch", "--source", "Source", "--target", "Target", "--transfer", "groups"]
+    assert command_line.run([*words, "--output", str(output), "--json", str(report)]) == 0
+    lines = capsys.readouterr().err.splitlines()
+    assert lines and all(line.startswith("spectral_match: ") for line in lines)
+    assert any("%" in line for line in lines) and lines[-1].endswith("out.blend")
+    told = json.loads(report.read_text())
+    (entry,) = told["files"]
+    (done,) = entry["pairs"]
+    assert told["status"] == 0 and entry["output"] == str(output)
+    assert (done["source"], done["target"], done["status"]) == ("Source", "Target", "done")
+    assert done["grade"] in ("green", "amber", "red") and done["transferred"] == ["groups"]
+    assert [path.name for path in output.parent.iterdir()] == ["out.blend"]
+    bpy.ops.wm.open_mainfile(filepath=str(output))
     target = bpy.data.objects["Target"]
-    assert "match_face" in target.data.attributes and "All" in target.vertex_groups
+    assert "match_face" in target.data.attributes and WEIGHTS in target.vertex_groups
 
 
 @pytest.mark.parametrize(
     ("arguments", "status", "words"),
     [
         (["match", "--source", "Nobody", "--target", "Target", "--output", "x.blend"], 1, "Nobody"),
+        (["match", "--source", "Source", "--target", "No*", "--output", "x.blend"], 1, "'No*'"),
         (["match", "--source", "Source", "--target", "Target"], 1, "--output"),
-        (["transfer", "--source", "Source", "--target", "Target", "--output", "x.blend"], 1, "matched"),
+        (["transfer", "--source", "Source", "--target", "Target", "--output", "x.blend"], 1, "match"),
+        (["batch", "--manifest", "nothing.toml"], 1, "nothing.toml"),
+        (["match", "--source", "Source"], 2, "--target"),
+        (["match", "--manifest", "m.toml", "--source", "Source"], 2, "--source"),
+        (["batch", "--source", "S", "--target", "T", "--transfer", "hats"], 2, "hats"),
+        (["batch", "--manifest", "m.toml", "--resume", "--overwrite"], 2, "--overwrite"),
         (["fly"], 2, "invalid choice"),
     ],
 )
-def test_failure_has_a_status_and_words(pair, capsys, arguments, status, words):
+def test_failure_has_a_status_and_words(pair, capsys, tmp_path, monkeypatch, arguments, status, words):
+    monkeypatch.chdir(tmp_path)
     assert command_line.run(arguments) == status
     assert words in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_help_is_status_0(registered, capsys):
+    assert command_line.run(["--help"]) == 0
+    assert "Exit status" in capsys.readouterr().out
+
+
+def manifest(folder, text):
+    path = folder / "cast.toml"
+    path.write_text(text)
+    return ["--manifest", str(path)]
+
+
+def test_manifest_goes_on_past_failures_and_leaves_inputs_alone(files, tmp_path, capsys):
+    (tmp_path / "torn.blend").write_bytes((files / "orc.blend").read_bytes()[:1000])
+    given = manifest(
+        tmp_path,
+        f"""
+        output = "dressed"
+        transfer = ["groups"]
+        [[jobs]]
+        files = ["torn.blend", "{files}/orc.blend"]
+        source = "Hero"
+        source_file = "{files}/hero.blend"
+        targets = "*"
+        """,
+    )
+    before = written(files)
+    report = tmp_path / "report.json"
+    assert command_line.run(["batch", *given, "--json", str(report)]) == 1
+    assert written(files) == before
+    assert [path.name for path in (tmp_path / "dressed").iterdir()] == ["orc.blend"]
+    torn, good = json.loads(report.read_text())["files"]
+    assert torn["status"] == "failed" and torn["reason"] and not torn["pairs"]
+    assert {(p["target"], p["status"]) for p in good["pairs"]} == {("Orc", "done"), ("Pot", "failed")}
+    assert any("faces" in p.get("reason", "") for p in good["pairs"])
+    assert "2 of the pairs or files failed" in capsys.readouterr().err
+
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "dressed" / "orc.blend"))
+    # The source came from another file and left again.
+    assert {obj.name for obj in bpy.data.objects} == {"Orc", "Pot"}
+    orc = bpy.data.objects["Orc"]
+    vertices, faces = lumpy(8)
+    old = renumbered(vertices, faces)[2]
+    expected = graded(vertices[old, 2])
+    # One body in two positions: nearly every vertex finds its own, the rest a neighbour.
+    assert np.median(np.abs(weights(orc) - expected)) < 1e-3
+
+    # What is there is not replaced unless told, and can be kept.
+    capsys.readouterr()
+    assert command_line.run(["batch", *given]) == 1
+    assert "--overwrite" in capsys.readouterr().err
+    (tmp_path / "torn.blend").unlink()
+    given = manifest(
+        tmp_path,
+        f"""
+        output = "dressed"
+        [[jobs]]
+        files = "{files}/orc.blend"
+        pairs = [{{ source = "Hero", targets = "Orc" }}]
+        source_file = "{files}/hero.blend"
+        """,
+    )
+    stamp = written(tmp_path / "dressed")
+    assert command_line.run(["batch", *given, "--resume", "--json", str(report)]) == 0
+    assert written(tmp_path / "dressed") == stamp
+    assert len(json.loads(report.read_text())["skipped"]) == 1
+
+
+def test_an_input_is_replaced_only_when_told(files, tmp_path, capsys):
+    own = tmp_path / "orc.blend"
+    own.write_bytes((files / "orc.blend").read_bytes())
+    given = manifest(
+        tmp_path,
+        f"""
+        output = "."
+        options = {{ method = "paper" }}
+        [[jobs]]
+        files = "orc.blend"
+        source = "Hero"
+        source_file = "{files}/hero.blend"
+        targets = "Orc"
+        """,
+    )
+    before = own.read_bytes()
+    assert command_line.run(["match", *given]) == 1
+    assert "is an input" in capsys.readouterr().err and own.read_bytes() == before
+    assert command_line.run(["match", *given, "--overwrite"]) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(own))
+    # Without a transfer the source stays, because the match is worth nothing without it.
+    assert bpy.data.objects["Orc"].spectral_match_source == bpy.data.objects["Hero"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("jobs = 3", "cannot be 3"),
+        ("", "nothing to do"),
+        ("[[jobs]]\nsource = 'A'", "targets"),
+        ("[[jobs]]\nsource = 'A'\ntargets = 'B'\ncolour = 'red'", "unknown key 'colour'"),
+        ("[[jobs]]\nsource = 'A'\ntargets = 'B'\nfiles = '*.blend'", "no file is named"),
+        ("[[jobs]]\nsource = 'A'\ntargets = 'B'\nsource_file = 'a.blend'", "there is no file"),
+        ("[[jobs]]\nsource = 'A'\ntargets = 'B'\ntransfer = ['hats']", "hats"),
+        ("[[jobs]]\nsource = 'A'\ntargets = 'B'\noutput = '../out.blend'", "leads out"),
+        ("output = '/elsewhere'\n[[jobs]]\nsource = 'A'\ntargets = 'B'", "leads out"),
+        ("options.method = 'best'\n[[jobs]]\nsource = 'A'\ntargets = 'B'", "should be one of"),
+        ("[[jobs]]\nsource='A'\ntargets='B'\n[[jobs]]\nsource='A'\ntargets='C'", "Two files"),
+    ],
+)
+def test_a_wrong_manifest_is_told_in_words(scene, tmp_path, text, words):
+    with pytest.raises(batch.WrongRequestError, match=words.replace("*", r"\*")) as caught:
+        path = manifest(tmp_path, text)[1]
+        batch.check_overwriting(batch.read_manifest(path, None, False)[0], False, False)
+    if words != "Two files":
+        assert "cast.toml" in str(caught.value)
+
+
+def test_ctrl_c_cancels_and_saves_nothing(pair, tmp_path, monkeypatch, capsys):
+    def pressed(self, seconds=None):
+        monkeypatch.undo()
+        raise KeyboardInterrupt
+
+    from addon.job import MatchJob
+
+    monkeypatch.setattr(MatchJob, "wait", pressed)
+    words = ["match", "--source", "Source", "--target", "Target", "--output", str(tmp_path / "x.blend")]
+    assert command_line.run(words) == 130
+    assert "cancelled" in capsys.readouterr().err and not list(tmp_path.iterdir())

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::hints::Which;
 use crate::nearest::lowest;
 use crate::orientation::{TangentGradients, better_signs, orientation, shares};
-use crate::pair::{Pair, Shares};
+use crate::pair::{Pair, Part, Shares};
 use crate::progress::Progress;
 use crate::shape::Shape;
 
@@ -146,7 +146,7 @@ impl<'a> SampledPair<'a> {
         let mut beam = self.pruned(seeds, width.first, BASIN);
         for k in first + 1..=largest {
             progress.check()?;
-            if k % TURNED_EVERY == 0 && k >= TURNED_FROM {
+            if k % TURNED_EVERY == 0 && k >= TURNED_FROM && self.pair.uses(Part::Orientation) {
                 let turned = each(&beam, |parent| self.reoriented(parent))?;
                 beam.extend(turned.into_iter().flatten());
             }
@@ -261,13 +261,18 @@ impl<'a> SampledPair<'a> {
             1.0 / kt as f64,
         );
         let energy = self.energy(&on_source, &on_target);
-        let orientation = orientation(
+        let measured = orientation(
             &self.side_target.gradients,
             &self.side_source.gradients,
             matrix.as_ref(),
             on_source.iter().enumerate().map(|(i, &j)| (i, j as usize)),
             ORIENTATION_FUNCTIONS,
         );
+        let orientation = if self.pair.uses(Part::Orientation) {
+            measured
+        } else {
+            1.0
+        };
         Candidate {
             matrix,
             orientation,
@@ -351,6 +356,11 @@ impl<'a> SampledPair<'a> {
             self.side_source.mean_mismatch(on_source),
             self.side_target.mean_mismatch(on_target),
         );
+        let distortion = if self.pair.uses(Part::Geodesic) {
+            distortion
+        } else {
+            1.0
+        };
         (distortion * mismatch).sqrt()
     }
 
@@ -434,6 +444,11 @@ impl Sampled {
                     .zip(asked.col_as_slice(j))
                     .map(|(x, y)| (x - y) * (x - y))
                     .sum();
+                let (wave, bend) = if pair.uses(Part::Descriptors) {
+                    (wave, bend)
+                } else {
+                    (1.0, 0.0)
+                };
                 fixed[(i, j)] =
                     DESCRIPTOR_WEIGHT * DESCRIPTOR_WEIGHT * (wave + bend * bend) + hinted;
                 mismatch[(i, j)] = wave.sqrt() + bend.abs() + hinted.sqrt();

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::hints::Hints;
 use crate::map_search::{self, SampledPair, Width};
 use crate::nearest::nearest;
-use crate::pair::{Mirror, Pair, Shares};
+use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
 use crate::pointwise_map::{self, SurfacePoint};
 use crate::progress::Progress;
 use crate::quality;
@@ -70,6 +70,8 @@ pub struct Options {
     pub landmarks: Vec<(u32, u32)>,
     /// Whether left, front and up are the same directions on both shapes.
     pub same_axes: bool,
+    /// Parts of the automatic method that are not used, to see what they contribute.
+    pub left_out: LeftOut,
 }
 
 impl Default for Options {
@@ -80,6 +82,7 @@ impl Default for Options {
             shares: None,
             landmarks: Vec::new(),
             same_axes: false,
+            left_out: LeftOut::default(),
         }
     }
 }
@@ -162,6 +165,7 @@ pub fn match_shapes(
                 shares: options.shares.unwrap_or(Shares::BOTH),
                 mirror: options.mirror,
                 hints: &hints,
+                left_out: options.left_out,
             };
             let hypotheses = if options.shares.is_some() {
                 let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
@@ -192,7 +196,7 @@ fn whole_or_part(
     };
     let mut best = search(Shares::BOTH, Width::default(), (0.0, 0.3))?;
     let whole = best[0].figures;
-    if !quality::doubtful(&whole) {
+    if !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
         return Ok(best);
     }
     let mut bound = PART_FITS_BETTER * whole.rank();
@@ -227,6 +231,11 @@ fn hypotheses(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
     report("search", 0.0)?;
+    let width = if pair.uses(Part::Search) {
+        width
+    } else {
+        Width { first: 1, beam: 1 }
+    };
     let candidates = SampledPair::new(*pair).search(width, progress)?;
     report("selection", 0.5)?;
     selection::vote(pair, &candidates, &|f| report("selection", 0.5 + 0.5 * f))
@@ -291,7 +300,11 @@ fn fits_better_where_it_differs(pair: &Pair<'_>, map: &Completed, other: &Comple
         sum / share
     };
     let misfit = |c: &Completed| -> f64 {
-        let distances = mean(&|v| c.distortion[v].powi(2)).sqrt();
+        let distances = if pair.uses(Part::Geodesic) {
+            mean(&|v| c.distortion[v].powi(2)).sqrt()
+        } else {
+            1.0
+        };
         let (own, there) = (&target.descriptors.detail, &source.descriptors.detail);
         (0..DETAIL_CURVATURES).fold(distances, |product, scale| {
             let bend = |v: usize| (own[(v, scale)] - there[(c.images[v] as usize, scale)]).abs();
@@ -339,6 +352,7 @@ pub fn completed(
         shares: hypothesis.shares,
         mirror: Mirror::Allow,
         hints,
+        left_out: LeftOut::default(),
     };
     let mut found = completed_and_ranked(&pair, hypothesis, progress, report)?.found;
     found.hints = Arc::clone(hints);
@@ -421,30 +435,15 @@ fn by_paper(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Embedding> {
     report("distance operator", 0.0)?;
-    let size = |s: &Shape| PAPER_SIZE.min(s.distance_operator.nrows());
-    let k = size(source).min(size(target));
-    let operator = |s: &Shape| {
-        let m = s.marched();
-        let distances = Mat::from_fn(m.len(), m.len(), |i, j| {
-            let d = |a: usize, b: usize| f64::from(s.fields[(m[a] as usize, b)]);
-            f64::midpoint(d(i, j), d(j, i))
-        });
-        distance_operator::from_samples(
-            dense::gather_rows(s.basis.functions.as_ref(), m, k).as_ref(),
-            &s.basis.values[..k],
-            distances.as_ref(),
-            distance_operator::DATA_PENALTY,
-        )
-    };
-    let (target_operator, source_operator) = (operator(target)?, operator(source)?);
+    let (target_operator, source_operator) = paper_operators(source, target)?;
     report("S-GMDS", 0.2)?;
-    let objective = Objective {
-        target_operator: target_operator.as_ref(),
-        source_operator: source_operator.as_ref(),
-        target_values: &target.basis.values[..k],
-        source_values: &source.basis.values[..k],
-        weights: Weights::default(),
-    };
+    let k = target_operator.nrows();
+    let objective = paper_objective(
+        source,
+        target,
+        target_operator.as_ref(),
+        source_operator.as_ref(),
+    );
     let seed = map_search::best_signs(target_operator.as_ref(), source_operator.as_ref());
     let start = spectral_gmds::continued_signs(
         seed.as_ref(),
@@ -494,6 +493,62 @@ fn embedded(
     )?;
     found.convergence = Some(embedding.convergence);
     Ok(found)
+}
+
+/// α₁, α₂ of the paper's method, both `(k, k)`.
+fn paper_operators(source: &Shape, target: &Shape) -> Result<(Mat<f64>, Mat<f64>)> {
+    let size = |s: &Shape| PAPER_SIZE.min(s.distance_operator.nrows());
+    let k = size(source).min(size(target));
+    let operator = |s: &Shape| {
+        let m = s.marched();
+        let distances = Mat::from_fn(m.len(), m.len(), |i, j| {
+            let d = |a: usize, b: usize| f64::from(s.fields[(m[a] as usize, b)]);
+            f64::midpoint(d(i, j), d(j, i))
+        });
+        distance_operator::from_samples(
+            dense::gather_rows(s.basis.functions.as_ref(), m, k).as_ref(),
+            &s.basis.values[..k],
+            distances.as_ref(),
+            distance_operator::DATA_PENALTY,
+        )
+    };
+    Ok((operator(target)?, operator(source)?))
+}
+
+fn paper_objective<'a>(
+    source: &'a Shape,
+    target: &'a Shape,
+    target_operator: MatRef<'a, f64>,
+    source_operator: MatRef<'a, f64>,
+) -> Objective<'a> {
+    let k = target_operator.nrows();
+    Objective {
+        target_operator,
+        source_operator,
+        target_values: &target.basis.values[..k],
+        source_values: &source.basis.values[..k],
+        weights: Weights::default(),
+    }
+}
+
+/// S-GMDS energy of any map, so that maps of both methods and of many pairs can be compared: how
+/// much it changes distances, spectrum and areas, 0 for an isometry. The paper's C is the transpose
+/// of the functional map α, at unit area.
+///
+/// # Errors
+/// [`Error::NotFactorised`] as in the paper's method.
+pub fn energy(source: &Shape, target: &Shape, functional_map: MatRef<'_, f64>) -> Result<f64> {
+    let (target_operator, source_operator) = paper_operators(source, target)?;
+    let objective = paper_objective(
+        source,
+        target,
+        target_operator.as_ref(),
+        source_operator.as_ref(),
+    );
+    let to_unit_area = source.unit / target.unit;
+    let k = target_operator.nrows();
+    let c = Mat::from_fn(k, k, |i, j| to_unit_area * functional_map[(j, i)]);
+    Ok(objective.value(c.as_ref()).0)
 }
 
 /// The map with confidence and functional map, and its local distortion at each target vertex, from two embeddings and the vertex maps between them.

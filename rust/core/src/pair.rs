@@ -1,5 +1,6 @@
 //! What is asked: two shapes, which of their points ask, and what is known of the answer.
 
+use crate::error::{Error, Result};
 use crate::hints::Hints;
 use crate::shape::Shape;
 
@@ -48,6 +49,82 @@ impl Shares {
     }
 }
 
+/// A part of the automatic method that can be left out, to see what it contributes.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Part {
+    /// Changes of distances, wherever candidates are compared.
+    Geodesic,
+    /// Wave kernel and curvature, in the search and in the refinement.
+    Descriptors,
+    /// Bivectors of gradients, wherever candidates are compared or turned.
+    Orientation,
+    /// All candidates of the search but the best of each step.
+    Search,
+    /// All candidates of the finished search but the best.
+    Vote,
+    /// Upsampling to 60 eigenfunctions before the refinement.
+    Upsampling,
+    /// Positions and normals in the refinement.
+    Extrinsic,
+    /// Parts of shapes and a wider search where the result is poor.
+    Retry,
+}
+
+impl Part {
+    /// All parts with their names.
+    pub const ALL: [(&'static str, Self); 8] = [
+        ("geodesic", Self::Geodesic),
+        ("descriptors", Self::Descriptors),
+        ("orientation", Self::Orientation),
+        ("search", Self::Search),
+        ("vote", Self::Vote),
+        ("upsampling", Self::Upsampling),
+        ("extrinsic", Self::Extrinsic),
+        ("retry", Self::Retry),
+    ];
+}
+
+/// Parts of the automatic method that are left out; none by default.
+#[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
+pub struct LeftOut(u8);
+
+impl LeftOut {
+    /// These parts.
+    #[must_use]
+    pub fn of(parts: &[Part]) -> Self {
+        Self(parts.iter().fold(0, |bits, &part| bits | 1 << part as u8))
+    }
+
+    /// The parts of these names.
+    ///
+    /// # Errors
+    /// [`Error::BadArgument`] for a name that is not in [`Part::ALL`].
+    pub fn named(names: &[String]) -> Result<Self> {
+        let parts: Vec<Part> = names
+            .iter()
+            .map(|name| {
+                let found = Part::ALL.iter().find(|(known, _)| known == name);
+                found.map(|&(_, part)| part).ok_or_else(|| {
+                    let known: Vec<&str> = Part::ALL.iter().map(|&(known, _)| known).collect();
+                    Error::BadArgument {
+                        what: format!(
+                            "{name:?} cannot be left out: choose of {}",
+                            known.join(", ")
+                        ),
+                    }
+                })
+            })
+            .collect::<Result<_>>()?;
+        Ok(Self::of(&parts))
+    }
+
+    /// Whether a part is among them.
+    #[must_use]
+    pub fn has(self, part: Part) -> bool {
+        self.0 & (1 << part as u8) != 0
+    }
+}
+
 /// Two shapes to be matched.
 #[derive(Debug, Clone, Copy)]
 pub struct Pair<'a> {
@@ -61,4 +138,14 @@ pub struct Pair<'a> {
     pub mirror: Mirror,
     /// What is known of the map.
     pub hints: &'a Hints,
+    /// What of the method is not used.
+    pub left_out: LeftOut,
+}
+
+impl Pair<'_> {
+    /// Whether a part of the method is used.
+    #[must_use]
+    pub fn uses(&self, part: Part) -> bool {
+        !self.left_out.has(part)
+    }
 }

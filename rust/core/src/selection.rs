@@ -9,7 +9,7 @@ use crate::hints::Hints;
 use crate::map_search::Candidate;
 use crate::nearest::nearest;
 use crate::orientation::{TangentGradients, orientation};
-use crate::pair::{Mirror, Pair, Shares};
+use crate::pair::{Mirror, Pair, Part, Shares};
 use crate::refinement::embedded_surface::{self, Side};
 use crate::refinement::upsampling;
 use crate::shape::Shape;
@@ -153,7 +153,7 @@ fn scored(
     let oriented: Vec<&Candidate> = candidates
         .iter()
         .filter(|c| pair.mirror == Mirror::Allow || c.orientation >= MIRRORED)
-        .take(SCORED)
+        .take(if pair.uses(Part::Vote) { SCORED } else { 1 })
         .collect();
     if oriented.is_empty() {
         return Err(Error::NoMap {
@@ -165,7 +165,12 @@ fn scored(
         .par_iter()
         .map(|c| {
             report(0.2)?;
-            Ok(score(pair, upsampling::upsampled(pair, c)?, c.energy))
+            let matrix = if pair.uses(Part::Upsampling) {
+                upsampling::upsampled(pair, c)?
+            } else {
+                c.matrix.clone()
+            };
+            Ok(score(pair, matrix, c.energy))
         })
         .collect()
 }
@@ -187,11 +192,15 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
             f64::INFINITY,
         )
     };
-    let distortion = pair.shares.mean(
-        change(target, ask_t, source, &images),
-        change(source, ask_s, target, &back),
-    );
-    let o = orientation_of((target, ask_t), (source, &images), matrix.as_ref());
+    let distortion = if pair.uses(Part::Geodesic) {
+        pair.shares.mean(
+            change(target, ask_t, source, &images),
+            change(source, ask_s, target, &back),
+        )
+    } else {
+        1.0
+    };
+    let o = orientation_of(pair, &images, matrix.as_ref());
     let o = if pair.mirror == Mirror::Allow {
         o.abs()
     } else {
@@ -222,15 +231,15 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
     }
 }
 
-/// Orientation of a map over pairs of vertices.
-fn orientation_of(
-    (target, asking): (&Shape, &[u32]),
-    (source, images): (&Shape, &[u32]),
-    matrix: MatRef<'_, f64>,
-) -> f64 {
+/// Orientation of a map over the target's judging samples and their images.
+fn orientation_of(pair: &Pair<'_>, images: &[u32], matrix: MatRef<'_, f64>) -> f64 {
+    if !pair.uses(Part::Orientation) {
+        return 1.0;
+    }
+    let asking = judging(pair.target);
     orientation(
-        &TangentGradients::new(target, asking),
-        &TangentGradients::new(source, images),
+        &TangentGradients::new(pair.target, asking),
+        &TangentGradients::new(pair.source, images),
         matrix,
         (0..asking.len()).map(|i| (i, i)),
         ORIENTATION_FUNCTIONS,
@@ -358,11 +367,15 @@ pub fn figures(
         )
     };
     Figures {
-        orientation: orientation_of((target, judging(target)), (source, on_source), matrix),
-        local_distortion: pair.shares.mean(
-            change(target, source, on_source),
-            change(source, target, on_target),
-        ),
+        orientation: orientation_of(pair, on_source, matrix),
+        local_distortion: if pair.uses(Part::Geodesic) {
+            pair.shares.mean(
+                change(target, source, on_source),
+                change(source, target, on_target),
+            )
+        } else {
+            0.0
+        },
         ..Figures::default()
     }
 }

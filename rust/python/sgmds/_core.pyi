@@ -86,6 +86,7 @@ def match_pair(
     part: str | None,
     landmarks: Sequence[tuple[int, int]],
     same_axes: bool,
+    without: Sequence[str],
     progress: _Progress = None,
     threads: int | None = None,
 ) -> RawMatch: ...

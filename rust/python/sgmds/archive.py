@@ -1,7 +1,6 @@
 """Files of arrays: .npz that numpy alone can read, written whole or not at all."""
 
 import os
-import tempfile
 import zipfile
 import zlib
 from collections.abc import Iterable
@@ -11,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from .errors import SgmdsError
+from .whole_file import whole_file
 
 VERSION = 1
 
@@ -18,17 +18,8 @@ VERSION = 1
 def write(path: str | os.PathLike[str], kind: str, *, compressed: bool = True, **arrays: Any) -> None:
     """Writes arrays beside `path` and moves them there when complete."""
     save = np.savez_compressed if compressed else np.savez
-    folder, name = os.path.split(os.path.abspath(path))
-    handle, temporary = tempfile.mkstemp(prefix=f".{name}.", dir=folder)
-    try:
-        with os.fdopen(handle, "wb") as file:
-            save(file, format=kind, version=VERSION, **arrays)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    except BaseException:
-        os.unlink(temporary)
-        raise
+    with whole_file(path, binary=True) as file:
+        save(file, format=kind, version=VERSION, **arrays)
 
 
 def read(path: str | os.PathLike[str], kind: str, names: Iterable[str]) -> dict[str, NDArray[Any]]:

@@ -13,6 +13,7 @@ import numpy as np
 
 from . import _core
 from .errors import Cancelled, SgmdsError
+from .locks import try_lock
 from .shape import Shape, checked_mesh
 
 LIMIT_BYTES = 10 * 2**30
@@ -38,7 +39,7 @@ def default_folder() -> Path:
 
 
 @functools.cache
-def _core_hash() -> bytes:
+def core_hash() -> bytes:
     """Another core may prepare the same mesh differently, so its own bytes are part of every key."""
     return hashlib.sha256(Path(_core.__file__).read_bytes()).digest()
 
@@ -46,7 +47,7 @@ def _core_hash() -> bytes:
 def mesh_key(vertices, faces) -> str:
     """Name of a mesh by its content, in hexadecimal; the same for the same arrays and the same core only."""
     vertices, faces = checked_mesh(vertices, faces)
-    digest = hashlib.blake2b(_core_hash(), digest_size=20)
+    digest = hashlib.blake2b(core_hash(), digest_size=20)
     digest.update(np.array([len(vertices), len(faces)], "<u8").tobytes())
     digest.update(vertices.astype("<f8", copy=False).data)
     digest.update(faces.astype("<i8", copy=False).data)
@@ -58,7 +59,7 @@ class ShapeCache:
 
     Several processes may share the folder. A mesh that two of them ask for at the same time is prepared by
     one while the other waits. Entries are written whole or not at all; one that is damaged is noticed when
-    read, reported as a warning and made again. The least recently used entries go when all together exceed
+    read, told of and made again. The least recently used entries go when all together exceed
     `limit`. A folder that cannot be written to costs a warning and time, not the result.
 
     Parameters
@@ -67,6 +68,8 @@ class ShapeCache:
         By default `default_folder()`.
     limit : int
         Bytes that the entries may take together.
+    warn : callable, optional
+        Told in words of damage and of a folder that cannot be written to; by default a `RuntimeWarning`.
 
     Attributes
     ----------
@@ -74,9 +77,10 @@ class ShapeCache:
         Shapes that came from disk, that were prepared, and, among these, whose entry was unusable.
     """
 
-    def __init__(self, folder=None, limit=LIMIT_BYTES):
+    def __init__(self, folder=None, limit=LIMIT_BYTES, warn=None):
         self.folder = Path(folder) if folder is not None else default_folder()
         self.limit = limit
+        self.warn = warn or (lambda words: warnings.warn(words, RuntimeWarning, stacklevel=4))
         self.hits = self.misses = self.damaged = 0
 
     def shape(self, vertices, faces, *, progress=None, threads=None) -> Shape:
@@ -102,7 +106,7 @@ class ShapeCache:
                 pass
             except SgmdsError as error:
                 self.damaged += 1
-                warnings.warn(f"{error} (done)", RuntimeWarning, stacklevel=2)
+                self.warn(f"{error} (done)")
             shape = Shape(vertices, faces, progress=progress, threads=threads)
             self.misses += 1
             try:
@@ -155,8 +159,7 @@ class ShapeCache:
                         path.unlink()
 
     def _warn_unwritable(self, error):
-        words = f"{self.folder}: shapes cannot be kept here and are prepared each time ({error})"
-        warnings.warn(words, RuntimeWarning, stacklevel=3)
+        self.warn(f"{self.folder}: shapes cannot be kept here and are prepared each time ({error})")
 
     def _acquire(self, name, progress):
         """Holds a lock file until it is closed, which the system does when a process ends in whatever way."""
@@ -164,31 +167,9 @@ class ShapeCache:
         folder.mkdir(parents=True, exist_ok=True)
         with contextlib.ExitStack() as stack:
             file = stack.enter_context(open(folder / name, "a+b"))
-            while not _try_lock(file):
+            while not try_lock(file):
                 if progress is not None and progress("waiting for the cache", 0.0) is False:
                     raise Cancelled("cancelled while another process prepared the shape")
                 time.sleep(LOCK_POLL_SECONDS)
             stack.pop_all()
             return file
-
-
-if sys.platform == "win32":
-    import msvcrt
-
-    def _try_lock(file):
-        file.seek(0)
-        try:
-            msvcrt.locking(file.fileno(), msvcrt.LK_NBLCK, 1)
-        except PermissionError:
-            return False
-        return True
-
-else:
-    import fcntl
-
-    def _try_lock(file):
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            return False
-        return True

@@ -8,7 +8,7 @@ import json
 import sys
 from pathlib import Path
 
-from .matching import METHODS
+from .matching import METHODS, PARTS
 from .shape import METRICS
 
 CANCELLED = 130
@@ -89,6 +89,12 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--reverse", action="store_true", help="every pair the other way round")
     evaluate.add_argument("--metric", choices=METRICS, default="euclidean")
     evaluate.add_argument("--part", choices=("source", "target"))
+    evaluate.add_argument(
+        "--without",
+        action="append",
+        choices=PARTS,
+        help="leave a part of the automatic method out; repeatable",
+    )
     evaluate.add_argument("--mirror", choices=("forbid", "allow"))
     evaluate.add_argument("--cache", type=Path, metavar="DIR", help="keep truth distances there between runs")
     evaluate.add_argument("--json", type=Path, metavar="OUT", help="all figures")
@@ -100,9 +106,9 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.set_defaults(run=_evaluate)
 
     reproduce = commands.add_parser(
-        "reproduce", help="the paper's experiments", description=_reproduce.__doc__
+        "reproduce", help="the paper's experiments, and an ablation", description=_reproduce.__doc__
     )
-    reproduce.add_argument("experiment", choices=("curves", "noise", "runtime"))
+    reproduce.add_argument("experiment", choices=("curves", "noise", "runtime", "ablation"))
     reproduce.add_argument("folder", type=Path, help="a set (has pairs.txt), or a folder of sets")
     reproduce.add_argument("--set", action="append", metavar="NAME", help="only this set; repeatable")
     reproduce.add_argument("--method", action="append", choices=METHODS, help="repeatable")
@@ -113,6 +119,28 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument("--json", type=Path, metavar="OUT", help="all figures")
     reproduce.add_argument("--plot", type=Path, metavar="OUT.svg", help="the error curves")
     reproduce.set_defaults(run=_reproduce)
+
+    batch = commands.add_parser("batch", help="match many pairs, unattended", description=_batch.__doc__)
+    batch.add_argument(
+        "manifest", type=Path, metavar="MANIFEST.toml", help="what to match; see docs/batch.md"
+    )
+    batch.add_argument("-o", "--output", type=Path, metavar="DIR", help="instead of the manifest's folder")
+    batch.add_argument("--jobs", type=_positive, metavar="N", help="worker processes (default: the cores)")
+    batch.add_argument("--scheduler", metavar="ADDRESS", help="the dask scheduler whose workers do the work")
+    earlier = batch.add_mutually_exclusive_group()
+    earlier.add_argument("--resume", action="store_true", help="take up the results in the output folder")
+    earlier.add_argument("--overwrite", action="store_true", help="forget them and begin anew")
+    batch.add_argument(
+        "--anywhere", action="store_true", help="let the manifest name places outside of its folder"
+    )
+    batch.add_argument("--cache", type=Path, metavar="DIR", help="where prepared shapes are kept")
+    batch.add_argument(
+        "--cache-limit", type=_positive, default=10, metavar="GB", help="its size at most (default 10)"
+    )
+    batch.add_argument(
+        "--threads", type=_positive, metavar="N", help="of each pair (default: cores over jobs)"
+    )
+    batch.set_defaults(run=_batch)
 
     bench = commands.add_parser("bench", help="time the stages", description=_bench.__doc__)
     bench.add_argument(
@@ -207,7 +235,7 @@ def _evaluate(options) -> int:
         compare=options.plot is not None,
         cache=options.cache,
         report=None if options.quiet else lambda line: print(line, flush=True),
-        **_given(options, "part", "mirror", "threads", "seed"),
+        **_given(options, "part", "mirror", "without", "threads", "seed"),
     )
     if options.json:
         options.json.write_text(json.dumps(result.as_json(), indent=1) + "\n", encoding="utf-8")
@@ -218,8 +246,8 @@ def _evaluate(options) -> int:
 
 
 def _reproduce(options) -> int:
-    """Error curves of the methods; their errors under noise along the normals and with triangles missing; or
-    user CPU times of the stages by mesh size."""
+    """Error curves of the methods; their errors under noise along the normals and with triangles missing;
+    user CPU times of the stages by mesh size; or what the parts of the automatic method contribute."""
     from . import experiments
 
     def report(line):
@@ -233,13 +261,39 @@ def _reproduce(options) -> int:
         ]
     else:
         given = {"cache": options.cache, "every": options.every, "report": report}
-        if options.method:
+        if options.method and options.experiment != "ablation":
             given["methods"] = options.method
         if options.experiment == "curves":
             given["plot"] = options.plot
         records = getattr(experiments, options.experiment)(options.folder, options.set, **given)
     if options.json:
         options.json.write_text(json.dumps(records, indent=1) + "\n", encoding="utf-8")
+    return 0
+
+
+def _batch(options) -> int:
+    """Match the pairs of a manifest, or all of its shapes against all, and report how alike they are. What is
+    done survives a crash: --resume goes on from there."""
+    from . import batch
+
+    with _PairsBar() as bar:
+        summary = batch.run(
+            options.manifest,
+            output=options.output,
+            scheduler_address=options.scheduler,
+            resume=options.resume,
+            overwrite=options.overwrite,
+            anywhere=options.anywhere,
+            cache=options.cache,
+            cache_limit=options.cache_limit * 2**30,
+            progress=bar,
+            tell=bar.tell,
+            **_given(options, "jobs", "threads"),
+        )
+    grades = ", ".join(f"{count} {grade}" for grade, count in summary["grades"].items() if count)
+    print(f"{summary['folder']}: {summary['done']} of {summary['pairs']} pairs matched ({grades or 'none'})")
+    if summary["failed"]:
+        return _fail(f"{summary['failed']} pairs failed: see {summary['folder']}/pairs.csv")
     return 0
 
 
@@ -281,6 +335,37 @@ class _ProgressBar:
             self._bar.n = round(100 * fraction, 1)
             self._bar.refresh()
         return True
+
+
+class _PairsBar:
+    """`progress` and `tell` for `batch`: pairs done and time left on a terminal; lines alone elsewhere."""
+
+    def __enter__(self):
+        self._bar = None
+        return self
+
+    def __exit__(self, *_):
+        if self._bar is not None:
+            self._bar.close()
+
+    def __call__(self, done: int, every: int):
+        if not sys.stderr.isatty():
+            return
+        if self._bar is None:
+            from tqdm import tqdm
+
+            self._bar = tqdm(
+                total=every,
+                initial=done,
+                bar_format="{n} of {total} pairs {bar}{percentage:4.0f} %  {elapsed} gone, {remaining} left",
+            )
+        self._bar.update(done - self._bar.n)
+
+    def tell(self, line: str):
+        if self._bar is not None:
+            self._bar.write(line, file=sys.stderr)
+        else:
+            print(line, file=sys.stderr)
 
 
 if __name__ == "__main__":

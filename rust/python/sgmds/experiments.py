@@ -1,4 +1,5 @@
-"""The experiments of the paper, with its method and others beside it.
+"""The experiments of the paper, with its method and others beside it; what the parts of the automatic
+method contribute.
 
 Aflalo, Dubrovina, Kimmel, "Spectral Generalized Multi-Dimensional Scaling", arXiv:1311.2187: error curves on
 TOSCA, robustness against noise along the normals and against missing triangles, run time by mesh size.
@@ -17,6 +18,7 @@ import numpy as np
 
 from .evaluation import (
     CURVE_THRESHOLDS,
+    RIGHT_BELOW,
     TRUTH_LINES,
     TruthDistances,
     error_curve,
@@ -24,7 +26,7 @@ from .evaluation import (
     find_sets,
     pair_errors,
 )
-from .matching import METHODS
+from .matching import METHODS, PARTS
 
 NOISE = (0.0, 0.1, 0.2, 0.4, 0.8)
 """Standard deviations of the noise along the normals, in mean edge lengths."""
@@ -154,6 +156,52 @@ def noise(
             report(
                 f"{shapes.name:<20} {what:<20} {method:<8} {len(found):4d} pairs: direct {direct:6.2f}, "
                 f"lower of direct and mirrored {best:6.2f}"
+            )
+    return records
+
+
+def ablation(
+    folder,
+    names,
+    left_out=PARTS,
+    every: int = 1,
+    cache=None,
+    bound: float = RIGHT_BELOW,
+    report: Callable = print,
+) -> list[dict]:
+    """Mean direct error ×100 and pairs right when parts of the automatic method are left out, each alone,
+    beside the whole method: what a part contributes. A pair without any map counts as wrong and not in the
+    mean."""
+    import sgmds
+
+    records = []
+    for shapes in find_sets(folder, names):
+        errors = defaultdict(list)
+        for a, b in shapes.pairs()[::every]:
+            (vertices, faces), whole = shapes.mesh(a), shapes.mesh(b)
+            truth = shapes.truth(a, b, len(vertices), TRUTH_LINES)
+            source, target = sgmds.Shape(*whole), sgmds.Shape(vertices, faces)
+            distances = TruthDistances(*whole, cache=cache)
+            for without in ((), *((part,) for part in left_out)):
+                try:
+                    images = sgmds.match(source, target, without=without).vertices
+                except sgmds.MatchError:
+                    errors[without].append(np.nan)
+                    continue
+                errors[without].append(100 * pair_errors(distances, images, truth.a, truth.b).mean())
+        for without, found in errors.items():
+            record = {
+                "set": shapes.name,
+                "without": list(without),
+                "pairs": len(found),
+                "direct": float(np.nanmean(found)),
+                "right": int((np.array(found) < bound).sum()),
+                "errors": found,
+            }
+            records.append(record)
+            report(
+                f"{shapes.name:<20} {'without ' + without[0] if without else 'the whole method':<24} "
+                f"{record['right']:3d} of {len(found):3d} right, mean direct {record['direct']:6.2f}"
             )
     return records
 

@@ -14,6 +14,8 @@ from .errors import ArgumentError
 from .shape import Ids, Progress, Shape, checked_mesh
 
 METHODS = ("auto", "paper", "gmds", "functional-map")
+PARTS = ("geodesic", "orientation", "extrinsic", "descriptors", "search", "vote", "upsampling", "retry")
+"""Parts of the automatic method that can be left out."""
 
 
 def match(
@@ -25,6 +27,7 @@ def match(
     part: Literal["source", "target"] | None = None,
     mirror: Literal["forbid", "allow"] = "forbid",
     same_axes: bool = False,
+    without: Iterable[str] = (),
     progress: Progress | None = None,
     threads: int | None = None,
     seed: int = 0,
@@ -48,6 +51,8 @@ def match(
     same_axes : bool
         Whether left, front and up are the same directions on both shapes. Tells the sides of a character
         apart that is symmetric to the last vertex; harms shapes that lie differently in space.
+    without : sequence of str
+        Parts of the automatic method that are not used, to see what they contribute.
     progress : callable, optional
         ``progress(stage, fraction)``; returning ``False`` cancels.
     threads : int, optional
@@ -75,7 +80,16 @@ def match(
     counts = [len(vertices) for vertices, _, _ in sides]
     pairs = _pairs(landmarks, counts)
     raw = _core.match_pair(
-        sides[0][2], sides[1][2], method, mirror, part, pairs, bool(same_axes), progress, threads
+        sides[0][2],
+        sides[1][2],
+        method,
+        mirror,
+        part,
+        pairs,
+        bool(same_axes),
+        list(without),
+        progress,
+        threads,
     )
     return Correspondence._from_core(raw, sides[0][1], counts[0])
 

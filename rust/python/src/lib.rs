@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgmds_core::matching::{self, Correspondence, Method, Options};
 use sgmds_core::metric::Metric;
-use sgmds_core::pair::{Mirror, Shares};
+use sgmds_core::pair::{LeftOut, Mirror, Shares};
 use sgmds_core::selection::{Figures, Hypothesis};
 use sgmds_core::shape::Shape;
 use sgmds_core::{Error, quality};
@@ -307,6 +307,10 @@ impl RawMatch {
             dict.set_item("steps", end.steps)?;
             dict.set_item("converged", end.converged)?;
         }
+        let map = self.found.functional_map.as_ref();
+        let energy = matching::energy(&self.source, &self.target, map)
+            .map_err(|e| errors::to_python(py, &e))?;
+        dict.set_item("sgmds_energy", energy)?;
         Ok(dict)
     }
 
@@ -343,7 +347,7 @@ impl RawMatch {
 
 /// Matches two shapes, each prepared or a pair of contiguous arrays (float64, int64).
 #[pyfunction]
-#[pyo3(signature = (source, target, method, mirror, part, landmarks, same_axes, progress=None, threads=None))]
+#[pyo3(signature = (source, target, method, mirror, part, landmarks, same_axes, without, progress=None, threads=None))]
 #[expect(
     clippy::too_many_arguments,
     reason = "keyword arguments of the Python function"
@@ -357,6 +361,7 @@ fn match_pair(
     part: Option<&str>,
     landmarks: Vec<(u32, u32)>,
     same_axes: bool,
+    without: Vec<String>,
     progress: Option<&Bound<'_, PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<RawMatch> {
@@ -379,6 +384,7 @@ fn match_pair(
         },
         landmarks,
         same_axes,
+        left_out: LeftOut::named(&without).map_err(|e| errors::to_python(py, &e))?,
     };
     let (source, target) = (Input::extract(source)?, Input::extract(target)?);
     // Preparing is about half of the work.

@@ -18,7 +18,7 @@ use crate::error::Result;
 use crate::hints::Which;
 use crate::mesh::{self, Adjacency};
 use crate::nearest::nearest;
-use crate::pair::Pair;
+use crate::pair::{Pair, Part};
 use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
 use crate::shape::Shape;
 use crate::vector::{self, Point};
@@ -73,6 +73,8 @@ pub struct Side<'a> {
     pub smoothed: Mat<f64>,
     /// What a vertex looks like and how near it is to each landmark, `(n, c)`: the same at each step.
     fixed: Mat<f32>,
+    /// Whether positions and normals take part in the embedding.
+    extrinsic: bool,
     /// Where landmarks ask, as (number of the asking vertex, image).
     known: Vec<(u32, u32)>,
     /// Embedding of every vertex in the last step.
@@ -152,13 +154,18 @@ impl<'a> Side<'a> {
             })
             .collect();
         let detail = shape.descriptors.detail.as_ref();
+        let looks = if pair.uses(Part::Descriptors) {
+            1.0
+        } else {
+            0.0
+        };
         let held = pair.hints.in_refinement(which);
         let fixed = Mat::from_fn(
             mesh.vertices.len(),
             detail.ncols() + held.ncols(),
             |i, c| {
                 if c < detail.ncols() {
-                    detail[(i, c)]
+                    looks * detail[(i, c)]
                 } else {
                     held[(i, c - detail.ncols())]
                 }
@@ -171,6 +178,7 @@ impl<'a> Side<'a> {
             weights,
             neighbours,
             fixed,
+            extrinsic: pair.uses(Part::Extrinsic),
             known,
             smoothed: Mat::zeros(0, 3),
             rows: Rows::zeros(0, 1),
@@ -216,7 +224,7 @@ impl<'a> Side<'a> {
         }
         for i in 0..n {
             let row = &mut rows.row_mut(i)[k..];
-            for c in 0..3 {
+            for c in 0..if self.extrinsic { 3 } else { 0 } {
                 row[c] = positions[i][c] as f32;
                 row[3 + c] = (sign * normals[i][c]) as f32;
             }

@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Files, objects and outputs of one run of the command line, and the work on each of them."""
+
+import dataclasses
+import glob
+import importlib
+import os
+import time
+from dataclasses import dataclass, field
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+import bpy
+
+from . import core, mesh_write
+from .mesh_read import UnusableObjectError
+from .operators.match import reading, store, value_of
+from .transfer import KINDS, carry_all
+
+DEFAULT_OUTPUT = "{file}.blend"
+POLL_SECONDS = 0.1
+
+
+class WrongRequestError(Exception):
+    """What was asked for cannot be begun; the text says why and what to do."""
+
+
+class CancelledError(Exception):
+    """Somebody pressed Ctrl-C."""
+
+
+@dataclass(frozen=True)
+class Pairing:
+    """A source object and names or patterns of the objects that receive its data."""
+
+    source: str
+    targets: tuple
+
+
+@dataclass(frozen=True)
+class FileJob:
+    """What is done with one file. `file` None is the one opened; `source_file` has the source objects, if it
+    is not the file itself, and they leave again after a transfer unless `keep_source`.
+    """
+
+    file: Path | None
+    pairings: tuple
+    output: Path
+    kinds: frozenset
+    source_file: Path | None = None
+    keep_source: bool = False
+
+    def shown_file(self):
+        return str(self.file or bpy.data.filepath or "the scene")
+
+
+def kinds_of(names):
+    """The kinds of data by their names, all of them for None."""
+    known = {kind.identifier for kind in KINDS}
+    unknown = set(names or ()) - known
+    if unknown:
+        listed = ", ".join(sorted(known))
+        raise WrongRequestError(
+            f"There is no kind of data named {', '.join(sorted(map(str, unknown)))}. There are: {listed}"
+        )
+    return frozenset(known if names is None else names)
+
+
+# The manifest.
+
+TOP = {"output": str, "transfer": list, "options": dict, "jobs": list}
+JOB = {
+    "files": (str, list),
+    "source": str,
+    "targets": (str, list),
+    "pairs": list,
+    "source_file": str,
+    "keep_source": bool,
+    "transfer": list,
+    "output": str,
+}
+PAIR = {"source": str, "targets": (str, list)}
+OPTIONS = {"method": ("auto", "paper"), "part": ("source", "target"), "mirror": ("forbid", "allow")}
+
+
+def read_manifest(path, folder, anywhere):
+    """File jobs and options of a TOML manifest; `folder` overrides where the outputs go.
+
+    Raises `WrongRequestError`.
+    """
+    core.load()
+    toml = importlib.import_module("sgmds.batch.manifest")
+    path = Path(path).absolute()
+    try:
+        table = toml.read_toml(path)
+        toml.check_keys(table, TOP, "the manifest")
+        options = table.get("options", {})
+        toml.check_keys(options, dict.fromkeys(OPTIONS, str), "options")
+        for name, value in options.items():
+            if value not in OPTIONS[name]:
+                raise WrongRequestError(f"options: '{name}' should be one of {', '.join(OPTIONS[name])}")
+        home = path.parent
+        if folder:
+            folder = Path(folder).absolute()
+        else:
+            folder = toml.within(home, table.get("output", path.stem), anywhere)
+        jobs = []
+        for number, entry in enumerate(table.get("jobs", []), start=1):
+            where = f"jobs, entry {number}"
+            toml.check_keys(entry, JOB, where)
+            jobs += _file_jobs(toml, home, folder, anywhere, table, entry, where)
+    except (ValueError, OSError, WrongRequestError) as reason:
+        # Errors of the core about a manifest are ValueErrors.
+        words = str(reason)
+        raise WrongRequestError(words if str(path) in words else f"{path}: {words}") from reason
+    if not jobs:
+        raise WrongRequestError(f"{path}: nothing to do: give [[jobs]]")
+    _check_outputs(jobs)
+    return jobs, options
+
+
+def _file_jobs(toml, home, folder, anywhere, table, entry, where):
+    if "pairs" in entry:
+        pairings = []
+        for pair in entry["pairs"]:
+            toml.check_keys(pair, PAIR, f"{where}, pairs")
+            pairings.append(_pairing(pair, f"{where}, pairs"))
+    else:
+        pairings = [_pairing(entry, where)]
+    source_file = None
+    if "source_file" in entry:
+        source_file = home / entry["source_file"]
+        if not source_file.is_file():
+            raise WrongRequestError(f"{where}: there is no file {source_file}")
+    kinds = kinds_of(entry.get("transfer", table.get("transfer")))
+    name = entry.get("output", DEFAULT_OUTPUT)
+    for file in _files(home, entry.get("files"), where):
+        stem = file.stem if file else Path(bpy.data.filepath).stem
+        try:
+            place = name.format(file=stem or "untitled")
+        except (KeyError, IndexError, ValueError):
+            raise WrongRequestError(f"{where}: output '{name}' may use {{file}} only") from None
+        output = toml.within(folder, place, anywhere)
+        yield FileJob(file, tuple(pairings), output, kinds, source_file, entry.get("keep_source", False))
+
+
+def _pairing(entry, where):
+    for key in ("source", "targets"):
+        if not entry.get(key):
+            raise WrongRequestError(f"{where}: lacks '{key}'")
+    targets = entry["targets"]
+    return Pairing(entry["source"], (targets,) if isinstance(targets, str) else tuple(targets))
+
+
+def _files(home, patterns, where):
+    if patterns is None:
+        return [None]
+    files = []
+    for pattern in [patterns] if isinstance(patterns, str) else patterns:
+        found = [home / pattern] if (home / pattern).is_file() else []
+        found = found or sorted(home / name for name in glob.glob(pattern, root_dir=home, recursive=True))
+        if not found:
+            raise WrongRequestError(f"{where}: no file is named '{pattern}'")
+        files += found
+    return list(dict.fromkeys(files))
+
+
+def _check_outputs(jobs):
+    places = [job.output.resolve() for job in jobs]
+    for place in places:
+        if places.count(place) > 1:
+            raise WrongRequestError(f"Two files would be saved as {place}: use {{file}} in 'output'")
+
+
+def check_overwriting(jobs, overwrite, resume):
+    """Refuse to replace an input, or what is there already, unless told; returns the jobs left to do."""
+    opened = Path(bpy.data.filepath) if bpy.data.filepath else None
+    inputs = {file.resolve() for job in jobs for file in (job.file or opened, job.source_file) if file}
+    left = []
+    for job in jobs:
+        if overwrite:
+            left.append(job)
+        elif job.output.resolve() in inputs:
+            raise WrongRequestError(f"{job.output} is an input: choose another output, or give --overwrite")
+        elif not job.output.exists():
+            left.append(job)
+        elif not resume:
+            raise WrongRequestError(
+                f"{job.output} is there already: give --overwrite to replace it, or --resume to keep it"
+            )
+    return left
+
+
+# The work.
+
+
+@dataclass
+class Request:
+    """How every file is worked on: the steps, keyword options of the match, and who is told of progress."""
+
+    match: bool
+    transfer: bool
+    options: dict = field(default_factory=dict)
+    tell: object = lambda words: None
+
+
+def work_on(context, job, request):
+    """Do one file; returns its entry of the report. A pair that fails does not stop the next one."""
+    entry = {"file": job.shown_file(), "output": str(job.output), "status": "failed", "pairs": []}
+    try:
+        if job.file is not None:
+            bpy.ops.wm.open_mainfile(filepath=str(job.file), load_ui=False)
+            context = bpy.context
+        brought = {}
+        for pairing in job.pairings:
+            source = _source(context, job, pairing.source, brought)
+            for target in _targets(context, pairing, source):
+                entry["pairs"].append(_pair(context, job, request, source, target))
+        if any(pair["status"] == "done" for pair in entry["pairs"]):
+            if brought and request.transfer and not job.keep_source:
+                _remove(brought.values())
+            save(job.output)
+            entry["status"] = "done"
+        else:
+            entry["reason"] = "no pair succeeded, so nothing was saved"
+    except (UnusableObjectError, core.CoreMissingError, RuntimeError, OSError) as reason:
+        # Blender's operators raise RuntimeError with what they report.
+        entry["reason"] = " ".join(str(reason).split())
+    return entry
+
+
+def _source(context, job, name, brought):
+    objects = context.view_layer.objects
+    if job.source_file is None:
+        if name not in objects:
+            raise UnusableObjectError(f"There is no object named '{name}' in the view layer of this file")
+        return objects[name]
+    if name in brought:
+        return brought[name]
+    with bpy.data.libraries.load(str(job.source_file), link=False) as (there, here):
+        if name not in there.objects:
+            raise UnusableObjectError(f"There is no object named '{name}' in {job.source_file}")
+        here.objects = [name]
+    obj = here.objects[0]
+    context.scene.collection.objects.link(obj)
+    context.view_layer.update()
+    brought[name] = obj
+    return obj
+
+
+def _remove(brought):
+    for obj in brought:
+        mesh = obj.data
+        bpy.data.objects.remove(obj)
+        if not mesh.users:
+            bpy.data.meshes.remove(mesh)
+
+
+def _targets(context, pairing, source):
+    """Mesh objects that the patterns mean, in the order of the patterns; the source itself is left out."""
+    candidates = [obj for obj in context.view_layer.objects if obj.type == "MESH" and obj != source]
+    found = {}
+    for pattern in pairing.targets:
+        named = [obj for obj in candidates if obj.name == pattern]
+        named = named or [obj for obj in candidates if fnmatchcase(obj.name, pattern)]
+        if not named:
+            raise UnusableObjectError(f"There is no mesh named '{pattern}' in the view layer of this file")
+        found |= {obj.name: obj for obj in named}
+    return list(found.values())
+
+
+def _pair(context, job, request, source, target):
+    entry = {"source": source.name, "target": target.name, "status": "failed", "notes": []}
+    begun = time.monotonic()
+    try:
+        if target.data == source.data:
+            raise UnusableObjectError("source and target share one mesh, so they have the same data already")
+        if request.match:
+            entry["notes"] += _match(context, request, source, target)
+        stored = target.data.spectral_match
+        if stored.target_fingerprint:
+            entry |= {
+                "grade": stored.grade,
+                "reasons": stored.reasons.split("\n"),
+                "mean_confidence": stored.mean_confidence,
+            }
+        if request.transfer:
+            with mesh_write.object_mode(context, [source, target]):
+                entry["notes"] += carry_all(
+                    target, context.scene.spectral_match, lambda kind, _name: kind.identifier in job.kinds
+                )
+            entry["transferred"] = sorted(job.kinds)
+        entry["status"] = "done"
+    except (UnusableObjectError, core.CoreMissingError, RuntimeError) as reason:
+        entry["reason"] = " ".join(str(reason).split())
+    entry["seconds"] = round(time.monotonic() - begun, 3)
+    request.tell(f"{source.name} to {target.name}: {entry.get('reason') or entry.get('grade') or 'done'}")
+    return entry
+
+
+def _match(context, request, source, target):
+    """Match and store one target; returns warnings, raises `UnusableObjectError` with a failure's reason."""
+    matching = value_of(reading(context, source, [target]))
+    matching.options = dataclasses.replace(matching.options, **request.options)
+    told = None
+    matching.start()
+    try:
+        while not matching.finished:
+            matching.wait(POLL_SECONDS)
+            now = (matching.stage, int(10 * matching.fraction))
+            if now != told and not matching.finished:
+                told = now
+                request.tell(f"{source.name} to {target.name}: {matching.stage} {matching.fraction:.0%}")
+    except KeyboardInterrupt:
+        matching.cancel()
+        matching.wait()
+        raise CancelledError from None
+    if matching.error is not None:
+        raise UnusableObjectError(core.explain(matching.error))
+    _, trouble = store(context, matching)
+    if trouble:
+        raise UnusableObjectError("; ".join(trouble))
+    return matching.notes
+
+
+def save(output):
+    """Write the file beside its place and move it there when it is complete."""
+    output = Path(output).absolute()
+    output.parent.mkdir(parents=True, exist_ok=True)
+    temporary = output.with_name(f".{output.stem}.{os.getpid()}.blend")
+    try:
+        bpy.ops.wm.save_as_mainfile(filepath=str(temporary), copy=True, check_existing=False)
+        os.replace(temporary, output)
+    finally:
+        temporary.unlink(missing_ok=True)

@@ -1,0 +1,292 @@
+"""The manifest: a TOML file that says which shapes are matched, how, and where the results go."""
+
+from __future__ import annotations
+
+import glob
+import hashlib
+import itertools
+import tomllib
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+from ..errors import ArgumentError
+from ..files import mesh_format, mesh_name
+from ..matching import METHODS
+
+MAP_NAME = "maps/{source}--{target}.npz"
+TILE = 8
+"""Pairs are done in squares of this many sources and targets, so that few shapes are needed at a time."""
+
+
+@dataclass(frozen=True)
+class ShapeFile:
+    """A mesh file; `name` is unique within the batch, `digest` that of the file's bytes."""
+
+    name: str
+    path: Path
+    digest: str
+
+
+@dataclass(frozen=True)
+class Pair:
+    """Numbers of the two shapes, where their map goes (None: nowhere) and pairs of vertices given."""
+
+    source: int
+    target: int
+    map: Path | None
+    landmarks: tuple = ()
+
+
+@dataclass
+class Batch:
+    """What a manifest asks for, checked: every file is there and every output stays in `folder`.
+
+    `options` are keyword arguments of `sgmds.match`. Pairs are numbered: those of all against all, then those
+    listed. Only these are stored one by one.
+    """
+
+    folder: Path
+    shapes: list[ShapeFile]
+    options: dict
+    map_name: str | None
+    everyone: int
+    """The first so many shapes are matched all against all."""
+    listed: list[Pair] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return self.everyone * (self.everyone - 1) + len(self.listed)
+
+    def pair(self, number: int) -> Pair:
+        square = len(self) - len(self.listed)
+        if number >= square:
+            return self.listed[number - square]
+        source, rest = divmod(number, self.everyone - 1)
+        target = rest + (rest >= source)
+        return Pair(source, target, self._map(self.map_name, source, target))
+
+    def number(self, source: int, target: int) -> int | None:
+        """Number of the pair of two shapes, or None when the manifest does not ask for it."""
+        if source < self.everyone and target < self.everyone and source != target:
+            return self._square_number(source, target)
+        return self._listed_numbers.get((source, target))
+
+    def _square_number(self, source: int, target: int) -> int:
+        return source * (self.everyone - 1) + target - (target > source)
+
+    def order(self) -> Iterator[int]:
+        """Numbers of all pairs in the order of work."""
+        tiles = range(0, self.everyone, TILE)
+        for first_source, first_target in itertools.product(tiles, tiles):
+            for source in range(first_source, min(first_source + TILE, self.everyone)):
+                for target in range(first_target, min(first_target + TILE, self.everyone)):
+                    if source != target:
+                        yield self._square_number(source, target)
+        yield from range(len(self) - len(self.listed), len(self))
+
+    @cached_property
+    def _listed_numbers(self) -> dict[tuple[int, int], int]:
+        square = len(self) - len(self.listed)
+        return {(pair.source, pair.target): square + i for i, pair in enumerate(self.listed)}
+
+    def _map(self, name, source, target) -> Path | None:
+        if name is None:
+            return None
+        return self.folder / name.format(source=self.shapes[source].name, target=self.shapes[target].name)
+
+
+def read_toml(path) -> dict:
+    """A TOML file, or `ArgumentError` naming it and the place that is wrong."""
+    try:
+        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise ArgumentError(f"{path}: not a TOML file: {error}") from error
+
+
+def within(folder: Path, name: str | Path, anywhere: bool) -> Path:
+    """`name` in `folder` (absolute); a name that leads out of it is refused unless `anywhere`."""
+    path = folder / name
+    if not anywhere and not path.resolve().is_relative_to(folder.resolve()):
+        raise ArgumentError(f"'{name}' leads out of {folder}: choose a place in it, or allow any place")
+    return path
+
+
+def check_keys(table, allowed: dict, where: str):
+    """Every key of a table is known and its value of the right type, or `ArgumentError` says which is not."""
+    if not isinstance(table, dict):
+        raise ArgumentError(f"{where}: should be a table")
+    for key, value in table.items():
+        if key not in allowed:
+            raise ArgumentError(f"{where}: unknown key {key!r}; there are: {', '.join(allowed)}")
+        if not isinstance(value, allowed[key]):
+            raise ArgumentError(f"{where}: {key!r} cannot be {value!r}")
+
+
+TOP = {
+    "output": str,
+    "maps": (bool, str),
+    "all_against_all": (str, list),
+    "pairs": list,
+    "options": dict,
+}
+PAIR = {"source": (str, list), "target": (str, list), "map": str, "landmarks": list}
+OPTIONS = {
+    "method": METHODS,
+    "part": ("source", "target"),
+    "mirror": ("forbid", "allow"),
+}
+
+
+def read(path, output=None, anywhere=False) -> Batch:
+    """The batch that a manifest describes.
+
+    Files are named relative to the manifest, the output folder too; `output` overrides the latter. Nothing a
+    manifest says is written outside of its own folder, and no map outside of the output folder, unless
+    `anywhere`.
+
+    Raises
+    ------
+    ArgumentError
+        Naming the manifest, what in it is wrong and what to do.
+    """
+    path = Path(path).absolute()
+    home = path.parent
+    try:
+        table = read_toml(path)
+        check_keys(table, TOP, "the manifest")
+        options = _options(table.get("options", {}))
+        folder = Path(output).absolute() if output else within(home, table.get("output", path.stem), anywhere)
+        maps = table.get("maps", True)
+        map_name = {True: MAP_NAME, False: None}.get(maps, maps)
+        if map_name is not None:
+            check_map_name(map_name, "maps", placeholders=True)
+
+        everyone = _files(home, table.get("all_against_all", []), "all_against_all")
+        wanted = []
+        for number, entry in enumerate(table.get("pairs", []), start=1):
+            wanted.append(_listed(home, entry, f"pairs, entry {number}"))
+        files = list(dict.fromkeys(everyone))
+        many = len(files)
+        if many == 1:
+            raise ArgumentError(f"all_against_all: there is only {files[0]}; at least two are needed")
+        files = list(dict.fromkeys(itertools.chain(files, *(s + t for s, t, *_ in wanted))))
+        if not files:
+            raise ArgumentError("nothing to do: give all_against_all or [[pairs]]")
+        names = _names(files)
+        shapes = [ShapeFile(names[f], f, _digest(f)) for f in files]
+        batch = Batch(folder, shapes, options, map_name, many)
+        index = {f: i for i, f in enumerate(files)}
+        seen = set()
+        for sources, targets, own_map, landmarks in wanted:
+            for source, target in itertools.product(sources, targets):
+                ends = (index[source], index[target])
+                if source == target or ends in seen or max(ends) < many:
+                    continue
+                seen.add(ends)
+                place = batch._map(own_map or map_name, *ends)
+                batch.listed.append(Pair(*ends, place, landmarks))
+        if not len(batch):
+            raise ArgumentError("nothing to do: every pair is a shape with itself")
+        _check_places(batch, anywhere)
+    except ArgumentError as error:
+        raise ArgumentError(f"{path}: {error}") from error
+    return batch
+
+
+def _options(table):
+    check_keys(table, dict.fromkeys(OPTIONS, str), "options")
+    for key, value in table.items():
+        if value not in OPTIONS[key]:
+            raise ArgumentError(f"options: {key!r} should be one of {OPTIONS[key]}, got {value!r}")
+    return table
+
+
+def check_map_name(name, where, placeholders):
+    try:
+        plain = name.format(source="a", target="b")
+    except (KeyError, IndexError, ValueError) as error:
+        raise ArgumentError(f"{where}: {name!r} may use {{source}} and {{target}} only") from error
+    if not plain.endswith(".npz"):
+        raise ArgumentError(f"{where}: {name!r} should end with .npz")
+    if placeholders and not ("{source}" in name and "{target}" in name):
+        raise ArgumentError(f"{where}: {name!r} should use {{source}} and {{target}}, one map each")
+
+
+def _listed(home, entry, where):
+    check_keys(entry, PAIR, where)
+    for key in ("source", "target"):
+        if key not in entry:
+            raise ArgumentError(f"{where}: lacks {key!r}")
+    sources, targets = (_files(home, entry[key], f"{where}, {key}") for key in ("source", "target"))
+    single = len(sources) == len(targets) == 1
+    own_map, landmarks = entry.get("map"), entry.get("landmarks", [])
+    if own_map is not None:
+        check_map_name(own_map, where, placeholders=not single)
+    if landmarks and not single:
+        raise ArgumentError(f"{where}: landmarks belong to one source and one target, not to patterns")
+    for landmark in landmarks:
+        if not (isinstance(landmark, list) and len(landmark) == 2 and all(type(v) is int for v in landmark)):
+            raise ArgumentError(f"{where}: landmarks are [source_vertex, target_vertex], got {landmark!r}")
+    return sources, targets, own_map, tuple(map(tuple, landmarks))
+
+
+def _files(home, patterns, where) -> list[Path]:
+    """Mesh files of names and patterns, sorted within each pattern."""
+    files = []
+    for pattern in [patterns] if isinstance(patterns, str) else patterns:
+        if not isinstance(pattern, str):
+            raise ArgumentError(f"{where}: file names are strings, got {pattern!r}")
+        if (home / pattern).is_file():
+            files.append(home / pattern)
+            continue
+        # Other files may lie beside the meshes that a pattern means.
+        found = [home / p for p in glob.glob(pattern, root_dir=home, recursive=True) if mesh_format(p)]
+        if not found:
+            raise ArgumentError(f"{where}: no mesh file is named {pattern!r}")
+        files += sorted(found)
+    return files
+
+
+def _names(files: list[Path]) -> dict[Path, str]:
+    """A short name for every file: its own, or with its folders where two are called the same."""
+    short = {f: mesh_name(f) for f in files}
+    for file, name in short.items():
+        if not name.strip("."):
+            raise ArgumentError(f"{file}: has no name before its ending: rename it")
+    if len(set(short.values())) == len(files):
+        return short
+    parts = [f.parent.parts for f in files]
+    shared = len(list(itertools.takewhile(lambda level: len(set(level)) == 1, zip(*parts, strict=False))))
+    long = {f: "+".join((*f.parent.parts[shared:], mesh_name(f))) for f in files}
+    twice = [name for name, count in Counter(long.values()).items() if count > 1]
+    if twice:
+        raise ArgumentError(f"several files are called {twice[0]!r}: rename all but one")
+    return long
+
+
+def _digest(path: Path) -> str:
+    try:
+        with open(path, "rb") as file:
+            return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=16)).hexdigest()
+    except OSError as error:
+        raise ArgumentError(f"{path}: {error.strerror}") from error
+
+
+def _check_places(batch: Batch, anywhere: bool):
+    """No map leaves the folder or takes an input's place.
+
+    Of all against all, one map tells of all: only their pattern could do that, not the names of shapes.
+    """
+    inputs = {shape.path.resolve() for shape in batch.shapes}
+    probes = list(batch.listed)
+    if batch.everyone:
+        probes.append(batch.pair(0))
+    for place in {pair.map for pair in probes if pair.map is not None}:
+        within(batch.folder, place, anywhere)
+        if place.resolve() in inputs:
+            raise ArgumentError(f"{place} is an input: choose another name for the map")
+    twice = [place for place, count in Counter(p.map for p in batch.listed if p.map).items() if count > 1]
+    if twice:
+        raise ArgumentError(f"two maps would be written to {twice[0]}: choose another name for one")

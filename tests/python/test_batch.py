@@ -1,0 +1,430 @@
+"""Batches: what a manifest asks for is done once, whatever dies, and reported in the same bytes."""
+
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tracemalloc
+from pathlib import Path
+
+import numpy as np
+import pytest
+import sgmds
+from hypothesis import given
+from hypothesis import strategies as st
+from sgmds.batch import journal, manifest, processes, work
+from sgmds.batch.manifest import Batch, Pair, ShapeFile
+from sgmds.cli import main
+
+REPORT = ("pairs.csv", "energy.csv", "confidence.csv", "distances.png", "report.json")
+SHAPES = ("ant", "bee", "cat", "dog")
+
+
+def write_off(path, vertices, faces):
+    with open(path, "w") as file:
+        file.write(f"OFF\n{len(vertices)} {len(faces)} 0\n")
+        file.writelines(f"{x!r} {y!r} {z!r}\n" for x, y, z in vertices.tolist())
+        file.writelines(f"3 {a} {b} {c}\n" for a, b, c in faces.tolist())
+
+
+@pytest.fixture(scope="module")
+def meshes(tmp_path_factory, sphere):
+    """Four bodies without symmetry; the cat is the ant turned and doubled."""
+    folder = tmp_path_factory.mktemp("batch") / "meshes"
+    folder.mkdir()
+    # The first vertices of the fixture are the sphere two subdivisions earlier; its faces are made anew.
+    from scipy.spatial import ConvexHull
+
+    points = sphere[0][:642]
+    faces = ConvexHull(points).simplices
+    outward = np.einsum(
+        "ij,ij->i",
+        np.cross(*(points[faces[:, k]] - points[faces[:, 0]] for k in (1, 2))),
+        points[faces[:, 0]],
+    )
+    faces = np.where(outward[:, None] > 0, faces, faces[:, ::-1])
+    for seed, name in enumerate(SHAPES):
+        rng = np.random.default_rng(0 if name == "cat" else seed)
+        height = sum(
+            h * np.exp(8 * (points @ (d / np.linalg.norm(d)) - 1))
+            for h, d in zip(rng.uniform(0.3, 1.2, 5), rng.normal(size=(5, 3)), strict=True)
+        )
+        body = points * (1 + height)[:, None] * (1, 0.8, 1.3)
+        if name == "cat":
+            turn = np.linalg.qr(np.random.default_rng(9).normal(size=(3, 3)))[0]
+            body = 2 * body @ (turn * np.sign(np.linalg.det(turn)))
+        write_off(folder / f"{name}.off", body, faces)
+    return folder
+
+
+def everyone(meshes, folder, **more):
+    path = folder / "all.toml"
+    lines = [f'all_against_all = "{meshes}/*.off"', 'options.method = "paper"']
+    lines += [f"{key} = {json.dumps(value)}" for key, value in more.items()]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory):
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="module")
+def reference(meshes, cache, tmp_path_factory):
+    """The folder of a batch that nothing interrupted."""
+    path = everyone(meshes, tmp_path_factory.mktemp("reference"))
+    assert main(["batch", str(path), "--jobs", "2", "--cache", str(cache)]) == 0
+    return path.with_suffix("")
+
+
+def table(path):
+    with open(path, newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def same_report(folder, reference):
+    for name in REPORT:
+        assert (folder / name).read_bytes() == (reference / name).read_bytes(), name
+    maps = {path.name: path.read_bytes() for path in (folder / "maps").iterdir()}
+    assert maps == {path.name: path.read_bytes() for path in (reference / "maps").iterdir()}
+
+
+def runs(folder):
+    return [json.loads(line) for line in (folder / "runs.jsonl").read_text().splitlines()]
+
+
+# What is done.
+
+
+def test_every_pair_is_matched_as_it_is_alone(reference, meshes):
+    rows = table(reference / "pairs.csv")
+    assert [(r["source"], r["target"]) for r in rows] == [(s, t) for s in SHAPES for t in SHAPES if s != t]
+    source, target = (sgmds.files.read_mesh(meshes / f"{name}.off") for name in ("bee", "dog"))
+    alone = sgmds.match(source, target, method="paper")
+    row = next(r for r in rows if (r["source"], r["target"]) == ("bee", "dog"))
+    assert float(row["energy"]) == alone.quality.figures["sgmds_energy"]
+    assert float(row["confidence"]) == alone.confidence.mean()
+    stored = sgmds.Correspondence.load(reference / row["map"])
+    assert np.array_equal(stored.faces, alone.faces)
+
+
+def test_energy_matrix_knows_what_is_alike(reference):
+    rows = table(reference / "energy.csv")
+    assert [r["source"] for r in rows] == list(SHAPES) and list(rows[0]) == ["source", *SHAPES]
+    energy = {(r["source"], t): float(r[t]) for r in rows for t in SHAPES if r[t]}
+    assert len(energy) == 12
+    alike = [energy.pop(("ant", "cat")), energy.pop(("cat", "ant"))]
+    # One body in two positions: an isometry, where every term vanishes but for the fit of the functional map.
+    assert 10 * max(alike) < min(energy.values())
+
+
+def test_shapes_are_prepared_once(reference):
+    (run,) = runs(reference)
+    assert run["misses"] == len(SHAPES) and run["pairs"] == 12
+
+
+def test_report_counts(reference):
+    told = json.loads((reference / "report.json").read_text())
+    assert (told["pairs"], told["done"], told["failed"], told["open"]) == (12, 12, 0, 0)
+    assert sum(told["grades"].values()) == 12
+    assert (reference / "distances.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_listed_pairs_patterns_and_options(meshes, cache, tmp_path, capsys):
+    path = tmp_path / "some.toml"
+    path.write_text(
+        f"""
+        output = "out"
+        options = {{ method = "paper" }}
+        [[pairs]]
+        source = "{meshes}/ant.off"
+        target = ["{meshes}/b*.off", "{meshes}/cat.off"]
+        [[pairs]]
+        source = "{meshes}/dog.off"
+        target = "{meshes}/ant.off"
+        map = "dog.npz"
+        """
+    )
+    assert main(["batch", str(path), "--jobs", "1", "--cache", str(cache)]) == 0
+    rows = table(tmp_path / "out" / "pairs.csv")
+    assert [(r["source"], r["target"], r["map"]) for r in rows] == [
+        ("ant", "bee", "maps/ant--bee.npz"),
+        ("ant", "cat", "maps/ant--cat.npz"),
+        ("dog", "ant", "dog.npz"),
+    ]
+    assert (tmp_path / "out" / "dog.npz").exists()
+    matrix = table(tmp_path / "out" / "energy.csv")
+    assert [r["source"] for r in matrix] == ["ant", "dog"] and matrix[1]["bee"] == ""
+    assert "3 of 3 pairs" in capsys.readouterr().out
+
+
+def test_a_failed_pair_stops_nothing_and_is_reported(meshes, cache, tmp_path, capsys):
+    (tmp_path / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n")
+    path = tmp_path / "some.toml"
+    path.write_text(
+        f"""
+        all_against_all = ["{meshes}/ant.off", "bad.off", "{meshes}/bee.off"]
+        options.method = "paper"
+        """
+    )
+    assert main(["batch", str(path), "--jobs", "2", "--cache", str(cache)]) == 1
+    errors = capsys.readouterr().err.splitlines()
+    assert errors[-1].startswith("sgmds: 4 pairs failed")
+    assert sum("bad.off to" in line or "to bad.off failed" in line for line in errors) == 4
+    rows = table(tmp_path / "some" / "pairs.csv")
+    assert sorted(r["status"] for r in rows) == ["done"] * 2 + ["failed"] * 4
+    told = json.loads((tmp_path / "some" / "report.json").read_text())
+    assert len(told["failures"]) == 4 and all("bad.off" in f["reason"] for f in told["failures"])
+
+
+# What happens when something dies.
+
+
+def begin(path, cache, *more):
+    command = [sys.executable, "-m", "sgmds.cli", "batch", str(path), "--cache", str(cache), *more]
+    return subprocess.Popen(command, stderr=subprocess.DEVNULL, stdout=subprocess.DEVNULL)
+
+
+def wait_for_lines(path, count, process):
+    while not path.exists() or path.read_bytes().count(b"\n") < count:
+        assert process.poll() is None, "ended too early"
+        time.sleep(0.01)
+
+
+def test_a_killed_run_is_taken_up_and_reports_the_same(meshes, cache, tmp_path, reference):
+    path = everyone(meshes, tmp_path)
+    folder = path.with_suffix("")
+    process = begin(path, cache, "--jobs", "2")
+    wait_for_lines(folder / journal.NAME, 3, process)
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    # As if the kill had come in the middle of a line.
+    with open(folder / journal.NAME, "ab") as file:
+        file.write(b'{"source": "ant", "tar')
+    before = (folder / journal.NAME).read_bytes().count(b"\n")
+    assert before < 12, "nothing was left to do"
+    assert not (folder / "pairs.csv").exists()
+
+    assert main(["batch", str(path), "--cache", str(cache)]) == 1, "without --resume it is refused"
+    # The dead run's workers end after their pair; the lock was its own.
+    assert main(["batch", str(path), "--jobs", "2", "--resume", "--cache", str(cache)]) == 0
+    assert runs(folder)[-1]["pairs"] == 12 - before
+    same_report(folder, reference)
+
+    assert main(["batch", str(path), "--resume", "--cache", str(cache)]) == 0
+    assert runs(folder)[-1]["pairs"] == 0
+    same_report(folder, reference)
+
+
+def test_only_what_changed_is_done_again(meshes, cache, tmp_path, reference):
+    own = tmp_path / "meshes"
+    own.mkdir()
+    for name in SHAPES[:3]:
+        (own / f"{name}.off").write_bytes((meshes / f"{name}.off").read_bytes())
+    path = everyone(own, tmp_path)
+    folder = path.with_suffix("")
+    resume = ["batch", str(path), "--jobs", "1", "--resume", "--cache", str(cache)]
+    assert main(resume) == 0 and runs(folder)[-1]["pairs"] == 6
+    (own / "dog.off").write_bytes((meshes / "dog.off").read_bytes())
+    assert main(resume) == 0 and runs(folder)[-1]["pairs"] == 6
+    same_report(folder, reference)
+    (folder / "maps" / "ant--bee.npz").unlink()
+    assert main(resume) == 0 and runs(folder)[-1]["pairs"] == 1
+    same_report(folder, reference)
+    (own / "bee.off").write_bytes((meshes / "dog.off").read_bytes())
+    assert main(resume) == 0 and runs(folder)[-1]["pairs"] == 6
+
+
+def tasks(meshes, *pairs):
+    for number, (source, target) in enumerate(pairs):
+        yield work.Task(number, meshes / f"{source}.off", meshes / f"{target}.off", None)
+
+
+PAPER = {"method": "paper"}
+
+
+def test_a_killed_worker_loses_nothing(meshes, cache):
+    from multiprocessing import active_children
+
+    wanted = [("ant", "bee"), ("ant", "cat"), ("bee", "cat"), ("cat", "dog"), ("dog", "ant")]
+    found = {}
+    for task, outcome in processes.run(tasks(meshes, *wanted), 2, work.Settings(PAPER, 1, cache)):
+        if not found:
+            active_children()[0].kill()
+        found[task.number] = outcome.record["status"]
+    assert found == dict.fromkeys(range(5), "done")
+    assert not active_children()
+
+
+def _dies_at_bees(pipe, settings):
+    class Worker(work.Worker):
+        def match(self, task):
+            if task.source.stem == "bee":
+                os._exit(3)
+            return super().match(task)
+
+    processes.Worker = Worker
+    processes.serve(pipe, settings)
+
+
+def test_a_pair_that_kills_every_worker_fails_alone(meshes, cache, monkeypatch):
+    monkeypatch.setattr(processes, "serve", _dies_at_bees)
+    found = {}
+    wanted = [("ant", "cat"), ("bee", "cat"), ("cat", "dog")]
+    for task, outcome in processes.run(tasks(meshes, *wanted), 2, work.Settings(PAPER, 1, cache)):
+        found[task.number] = outcome.record
+    assert [found[n]["status"] for n in range(3)] == ["done", "failed", "done"]
+    assert found[1]["reason"] == "the worker process ended each time, with status 3"
+
+
+def test_two_runs_do_not_write_to_one_folder(meshes, cache, tmp_path, capsys):
+    from sgmds.locks import try_lock
+
+    path = everyone(meshes, tmp_path)
+    path.with_suffix("").mkdir()
+    with open(path.with_suffix("") / ".lock", "a+b") as file:
+        assert try_lock(file)
+        assert main(["batch", str(path), "--cache", str(cache)]) == 1
+    assert "another run" in capsys.readouterr().err
+
+
+# Workers of a scheduler.
+
+
+@pytest.fixture
+def dask_cluster(tmp_path):
+    """A scheduler and two workers, processes of their own: address and workers."""
+    place = tmp_path / "scheduler.json"
+    common = ["--scheduler-file", str(place), "--host", "127.0.0.1", "--no-dashboard"]
+    quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
+    python = [sys.executable, "-m"]
+    scheduler = subprocess.Popen([*python, "distributed.cli.dask_scheduler", *common, "--port", "0"], **quiet)
+    worker = [*python, "distributed.cli.dask_worker", *common, "--nthreads", "1", "--no-nanny"]
+    workers = [subprocess.Popen(worker, **quiet) for _ in range(2)]
+    try:
+        while not place.exists() or not place.read_text():
+            assert scheduler.poll() is None
+            time.sleep(0.05)
+        yield json.loads(place.read_text())["address"], workers
+    finally:
+        for process in (*workers, scheduler):
+            process.kill()
+            process.wait()
+
+
+def test_a_scheduler_loses_nothing_when_a_worker_is_killed(meshes, cache, tmp_path, reference, dask_cluster):
+    address, workers = dask_cluster
+    path = everyone(meshes, tmp_path)
+    folder = path.with_suffix("")
+    process = begin(path, cache, "--scheduler", address)
+    wait_for_lines(folder / journal.NAME, 3, process)
+    workers[0].send_signal(signal.SIGKILL)
+    assert (folder / journal.NAME).read_bytes().count(b"\n") < 12, "nothing was left to do"
+    assert process.wait(timeout=120) == 0
+    same_report(folder, reference)
+
+
+def test_no_scheduler_is_one_line(meshes, cache, tmp_path, capsys, monkeypatch):
+    from sgmds.batch import scheduler
+
+    monkeypatch.setattr(scheduler, "CONNECT_SECONDS", 0.5)
+    path = everyone(meshes, tmp_path)
+    arguments = ["batch", str(path), "--scheduler", "tcp://127.0.0.1:1", "--cache", str(cache)]
+    assert main(arguments) == 1
+    assert "no scheduler answers" in capsys.readouterr().err
+
+
+# Manifests.
+
+
+def read(tmp_path, text, **more):
+    path = tmp_path / "batch.toml"
+    path.write_text(text)
+    return manifest.read(path, **more)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("all_against_all = [", "not a TOML file"),
+        ("", "nothing to do"),
+        ("everybody = '*.off'", "unknown key 'everybody'"),
+        ("all_against_all = 3", "cannot be 3"),
+        ("all_against_all = '*.nothing'", "no mesh file is named"),
+        ("all_against_all = 'ant.off'", "at least two"),
+        ("all_against_all = '*.off'\noptions.method = 'best'", "should be one of"),
+        ("all_against_all = '*.off'\nmaps = 'all.npz'", "one map each"),
+        ("all_against_all = '*.off'\nmaps = '{source}-{target}-{time}.npz'", "only"),
+        ("all_against_all = '*.off'\nmaps = '{source}-{target}.txt'", "end with .npz"),
+        ("all_against_all = '*.off'\nmaps = '../{source}-{target}.npz'", "leads out"),
+        ("all_against_all = '*.off'\nmaps = '/tmp/{source}-{target}.npz'", "leads out"),
+        ("all_against_all = '*.off'\noutput = '../elsewhere'", "leads out"),
+        ("[[pairs]]\nsource = 'ant.off'", "lacks 'target'"),
+        ("[[pairs]]\nsource = 'ant.off'\ntarget = '*.off'\nlandmarks = [[1, 2]]", "not to patterns"),
+        ("[[pairs]]\nsource = 'ant.off'\ntarget = 'bee.off'\nlandmarks = [[1, 'x']]", "landmarks are"),
+        ("[[pairs]]\nsource = 'ant.off'\ntarget = 'bee.off'\nmap = '../../x.npz'", "leads out"),
+        ("[[pairs]]\nsource = 'ant.off'\ntarget = 'ant.off'", "itself"),
+    ],
+)
+def test_a_wrong_manifest_is_told_in_words(tmp_path, text, words):
+    for name in ("ant", "bee"):
+        (tmp_path / f"{name}.off").write_text("OFF")
+    with pytest.raises(sgmds.ArgumentError, match=words) as caught:
+        read(tmp_path, text)
+    assert "batch.toml" in str(caught.value)
+
+
+def test_a_link_does_not_lead_out(tmp_path):
+    for name in ("ant", "bee"):
+        (tmp_path / f"{name}.off").write_text("OFF")
+    outside = tmp_path.parent / "outside"
+    outside.mkdir(exist_ok=True)
+    (tmp_path / "batch").mkdir()
+    (tmp_path / "batch" / "maps").symlink_to(outside)
+    with pytest.raises(sgmds.ArgumentError, match="leads out"):
+        read(tmp_path, "all_against_all = '*.off'")
+    assert len(read(tmp_path, "all_against_all = '*.off'", anywhere=True)) == 2
+
+
+def test_files_of_one_name_get_their_folders(tmp_path):
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "body.off").write_text("OFF")
+    batch = read(tmp_path, "all_against_all = '**/*.off'")
+    assert [shape.name for shape in batch.shapes] == ["one+body", "two+body"]
+    (tmp_path / "one" / "body.obj").write_text("")
+    with pytest.raises(sgmds.ArgumentError, match="several files"):
+        read(tmp_path, "all_against_all = '**/body.*'")
+
+
+def imagined(everyone, listed=()):
+    shapes = [ShapeFile(f"s{i}", Path(f"s{i}.off"), f"{i:032x}") for i in range(everyone + 3)]
+    return Batch(Path("nowhere"), shapes, {}, None, everyone, [Pair(*ends, None) for ends in listed])
+
+
+@given(st.integers(2, 40), st.booleans())
+def test_numbering_is_one_to_one_property(everyone, more):
+    listed = [(everyone, 0), (everyone + 2, everyone + 1)] if more else []
+    batch = imagined(everyone, listed)
+    assert sorted(batch.order()) == list(range(len(batch)))
+    ends = [(p.source, p.target) for p in map(batch.pair, range(len(batch)))]
+    assert len(set(ends)) == len(ends) == everyone * (everyone - 1) + len(listed)
+    assert all(s != t for s, t in ends)
+    assert [batch.number(s, t) for s, t in ends] == list(range(len(batch)))
+    assert batch.number(0, everyone + 2) is None
+
+
+def test_memory_is_a_few_bytes_a_pair(tmp_path):
+    batch = imagined(300)
+    batch.folder = tmp_path
+    tracemalloc.start()
+    with journal.Journal(batch) as kept:
+        assert sum(1 for _ in kept.open_pairs()) == len(batch) == 89_700
+        peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    # Eight bytes a pair for its place in the journal, and as much again while the array is made.
+    assert peak < 20 * len(batch) + 500_000
