@@ -19,7 +19,7 @@ struct Sphere {
     mass: Vec<f64>,
     samples: Vec<u32>,
     /// Exact great-circle distances from the samples at unit area, `(n, m)`.
-    fields: Mat<f64>,
+    fields: Mat<f32>,
 }
 
 impl Sphere {
@@ -46,7 +46,7 @@ fn sphere(pairs: usize) -> Sphere {
     let fields = Mat::from_fn(vertices.len(), samples.len(), |i, j| {
         let (p, q) = (vertices[i], vertices[j]);
         let cosine: f64 = (0..3).map(|c| p[c] * q[c]).sum();
-        radius * cosine.clamp(-1.0, 1.0).acos()
+        (radius * cosine.clamp(-1.0, 1.0).acos()) as f32
     });
     Sphere {
         basis,
@@ -87,7 +87,7 @@ fn operator_of_the_sphere_from_samples_alone() {
     let s = sphere(25);
     let m = s.samples.len();
     let at_samples = Mat::from_fn(m, 25, |i, j| s.basis.functions[(s.samples[i] as usize, j)]);
-    let distances = Mat::from_fn(m, m, |i, j| s.fields[(s.samples[i] as usize, j)]);
+    let distances = Mat::from_fn(m, m, |i, j| f64::from(s.fields[(s.samples[i] as usize, j)]));
     let alpha = distance_operator::from_samples(
         at_samples.as_ref(),
         &s.basis.values,

@@ -55,6 +55,27 @@ pub fn squared_norm(matrix: MatRef<'_, f64>) -> f64 {
     sum
 }
 
+/// Runs a computation compiled for the widest vector registers of this processor; what it calls
+/// has to be inlined into it. The order of operations, and so the result, is the same on all.
+pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
+    pulp::Arch::new().dispatch(work)
+}
+
+/// Σ aᵢbᵢᵀ over the rows of both, `(a.dims, b.dims)`, summed in single precision.
+#[must_use]
+pub fn sum_of_products(a: &Rows, b: &Rows) -> Mat<f64> {
+    let mut sum = Mat::<f32>::zeros(a.dims, b.dims);
+    matmul(
+        sum.as_mut(),
+        Accum::Replace,
+        a.as_columns(),
+        b.as_columns().transpose(),
+        1.0,
+        Par::Seq,
+    );
+    Mat::from_fn(a.dims, b.dims, |i, j| f64::from(sum[(i, j)]))
+}
+
 /// Points in a feature space, one contiguous single-precision row a point.
 #[derive(Debug, Clone)]
 pub struct Rows {
@@ -103,6 +124,20 @@ impl Rows {
         let mut out = Self::zeros(ids.len(), self.dims);
         for (i, &id) in ids.iter().enumerate() {
             out.row_mut(i).copy_from_slice(self.row(id as usize));
+        }
+        out
+    }
+
+    /// √w times the first `columns` coordinates of the points named by `ids`, for sums weighted by
+    /// w.
+    #[must_use]
+    pub fn gather_weighted(&self, ids: &[u32], weights: &[f64], columns: usize) -> Self {
+        let mut out = Self::zeros(ids.len(), columns);
+        for ((row, &id), w) in out.data.chunks_exact_mut(columns).zip(ids).zip(weights) {
+            let root = w.sqrt() as f32;
+            for (x, y) in row.iter_mut().zip(self.row(id as usize)) {
+                *x = root * y;
+            }
         }
         out
     }

@@ -27,12 +27,26 @@ pub fn from_fields(
     values: &[f64],
     mass: &[f64],
     samples: &[u32],
-    fields: MatRef<'_, f64>,
+    fields: MatRef<'_, f32>,
 ) -> Result<Mat<f64>> {
-    let k = basis.ncols();
+    /// Fields held in double precision at a time.
+    const BLOCK: usize = 16;
+    let (n, k) = (basis.nrows(), basis.ncols());
     let at_samples = dense::gather_rows(basis, samples, k);
-    let weighted = Mat::from_fn(basis.nrows(), k, |i, j| mass[i] * basis[(i, j)]);
-    let projected = dense::product(fields.transpose(), weighted.as_ref());
+    let mut projected = Mat::zeros(samples.len(), k);
+    let mut block = Mat::zeros(n, BLOCK);
+    for from in (0..samples.len()).step_by(BLOCK) {
+        let count = BLOCK.min(samples.len() - from);
+        for j in 0..count {
+            let field = fields.col(from + j);
+            for ((out, d), a) in block.col_mut(j).iter_mut().zip(field.iter()).zip(mass) {
+                *out = a * f64::from(*d);
+            }
+        }
+        projected
+            .subrows_mut(from, count)
+            .copy_from(&dense::product(block.subcols(0, count).transpose(), basis));
+    }
     let gram = dense::product(at_samples.transpose(), at_samples.as_ref());
     let right = dense::product(at_samples.transpose(), projected.as_ref());
     let weight = DIRICHLET_WEIGHT * samples.len() as f64 / values[k - 1];

@@ -8,11 +8,11 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par, Side};
 use rayon::prelude::*;
 
-use crate::dense;
+use crate::dense::{self, vectorised};
 use crate::distance_operator;
 use crate::error::{Error, Result};
 use crate::hints::Which;
-use crate::nearest::lowest;
+use crate::nearest::{lowest, lowest_sum};
 use crate::orientation::{TangentGradients, better_signs, orientation, shares};
 use crate::pair::{Pair, Part, Shares};
 use crate::progress::Progress;
@@ -243,11 +243,11 @@ impl<'a> SampledPair<'a> {
             .collect()
     }
 
-    /// Point maps and energy of a matrix.
-    fn judged(&self, matrix: Mat<f64>) -> Candidate {
+    /// Point maps of a matrix: on the source and on the target.
+    fn images(&self, matrix: MatRef<'_, f64>) -> (Vec<u32>, Vec<u32>) {
         let (ks, kt) = (matrix.nrows(), matrix.ncols());
         let target = self.side_target.basis.get(.., ..kt);
-        let source = dense::product(self.side_source.basis.get(.., ..ks), matrix.as_ref());
+        let source = dense::product(self.side_source.basis.get(.., ..ks), matrix);
         let on_source = closest(
             target.get(..self.side_target.asking, ..),
             source.as_ref(),
@@ -260,6 +260,13 @@ impl<'a> SampledPair<'a> {
             Some(&self.side_target.fixed),
             1.0 / kt as f64,
         );
+        (on_source, on_target)
+    }
+
+    /// Point maps and energy of a matrix.
+    fn judged(&self, matrix: Mat<f64>) -> Candidate {
+        let ks = matrix.nrows();
+        let (on_source, on_target) = self.images(matrix.as_ref());
         let energy = self.energy(&on_source, &on_target);
         let measured = orientation(
             &self.side_target.gradients,
@@ -291,11 +298,16 @@ impl<'a> SampledPair<'a> {
 
     /// Fit at k from a candidate's point maps, with new point maps.
     fn refitted(&self, candidate: &Candidate, k: usize) -> Result<Candidate> {
+        self.fitted(&candidate.on_source, &candidate.on_target, k)
+    }
+
+    /// Fit at k from point maps, with new point maps.
+    fn fitted(&self, on_source: &[u32], on_target: &[u32], k: usize) -> Result<Candidate> {
         let matrix = fit(
             self.side_target.basis.as_ref(),
             self.side_source.basis.as_ref(),
-            &candidate.on_source,
-            &candidate.on_target,
+            on_source,
+            on_target,
             self.pair.shares,
             k,
         )?;
@@ -311,7 +323,8 @@ impl<'a> SampledPair<'a> {
             }
         }
         let size = matrix.ncols();
-        self.refitted(&self.judged(matrix), size)
+        let (on_source, on_target) = self.images(matrix.as_ref());
+        self.fitted(&on_source, &on_target, size)
     }
 
     /// Whether the last two of k eigenvalues are so close on either shape that their functions may
@@ -342,7 +355,8 @@ impl<'a> SampledPair<'a> {
         }
         let (rows, columns) = (candidate.matrix.nrows(), candidate.matrix.ncols());
         let turned = Mat::from_fn(rows, columns, |i, j| signs[j] * candidate.matrix[(i, j)]);
-        self.refitted(&self.judged(turned), columns).map(Some)
+        let (on_source, on_target) = self.images(turned.as_ref());
+        self.fitted(&on_source, &on_target, columns).map(Some)
     }
 
     /// Root mean square change of distances between samples, times the root of the mean
@@ -472,18 +486,25 @@ impl Sampled {
 
     /// Mean squared difference between distances of asking points and of their images here.
     fn distortion(&self, images: &[u32], asking: &Self) -> f64 {
+        /// Sums that do not wait for each other.
+        const LANES: usize = 8;
         let mut sum = 0.0;
         for (j, &image) in images.iter().enumerate() {
             let here = self.distances.col_as_slice(image as usize);
             let there = asking.distances.col_as_slice(j);
-            let column: f32 = images
-                .iter()
-                .zip(there)
-                .map(|(&i, d)| (here[i as usize] - d) * (here[i as usize] - d))
-                .sum();
+            // Distances are symmetric, and a point has none from itself.
+            let (ids, there) = (images[..j].chunks(LANES), there.chunks(LANES));
+            let mut lanes = [0f32; LANES];
+            for (ids, there) in ids.zip(there) {
+                for ((lane, &i), d) in lanes.iter_mut().zip(ids).zip(there) {
+                    let change = here[i as usize] - d;
+                    *lane += change * change;
+                }
+            }
+            let column: f32 = lanes.iter().sum();
             sum += f64::from(column);
         }
-        sum / (images.len() * images.len()) as f64
+        2.0 * sum / (images.len() * images.len()) as f64
     }
 
     fn mean_mismatch(&self, images: &[u32]) -> f64 {
@@ -606,17 +627,23 @@ fn closest(
             sum * weight as f32
         })
         .collect();
-    let mut cost = fixed.map_or_else(|| Mat::zeros(points.nrows(), queries.nrows()), Mat::clone);
+    let mut cost = Mat::zeros(points.nrows(), queries.nrows());
     matmul(
         cost.as_mut(),
-        Accum::Add,
+        Accum::Replace,
         points.as_ref(),
         queries.transpose(),
         -2.0 * weight as f32,
         Par::Seq,
     );
     (0..queries.nrows())
-        .map(|j| lowest(cost.col_as_slice(j), &norms))
+        .map(|j| {
+            let scores = cost.col_as_slice(j);
+            match fixed {
+                Some(fixed) => vectorised(|| lowest_sum([scores, fixed.col_as_slice(j), &norms])),
+                None => lowest(scores, &norms),
+            }
+        })
         .collect()
 }
 

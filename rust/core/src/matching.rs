@@ -10,7 +10,9 @@ use crate::confidence::{confidence, local_distortion};
 use crate::dense::{self, Rows};
 use crate::descriptors::DETAIL_CURVATURES;
 use crate::distance_operator;
+use crate::eigenbasis::Eigenbasis;
 use crate::error::{Error, Result};
+use crate::full_resolution::FullSpectrum;
 use crate::hints::Hints;
 use crate::map_search::{self, SampledPair, Width};
 use crate::nearest::nearest;
@@ -98,8 +100,12 @@ pub struct Correspondence {
     pub vertices: Vec<u32>,
     /// Confidence in [0, 1].
     pub confidence: Vec<f64>,
-    /// `(kₜ, kₛ)`: source coefficients → target coefficients, in given units.
+    /// `(kₜ, kₛ)`: source coefficients → target coefficients, in given units. When a shape was
+    /// simplified this is between the spectra of the simplified meshes, see
+    /// [`Correspondence::full_functional_map`].
     pub functional_map: Mat<f64>,
+    /// Image of each vertex of the checked target, when a shape was simplified.
+    points: Vec<SurfacePoint>,
     /// How the map was judged; nothing for the paper's method.
     pub figures: Option<Figures>,
     /// Which shape was taken as a part of the other.
@@ -112,6 +118,52 @@ pub struct Correspondence {
     pub others: Vec<Hypothesis>,
     /// What was known of the map.
     pub hints: Arc<Hints>,
+}
+
+impl Correspondence {
+    /// Whether one of the shapes was simplified.
+    #[must_use]
+    pub fn was_simplified(&self) -> bool {
+        !self.points.is_empty()
+    }
+
+    /// The functional map between the spectra of the given meshes when one was simplified: these
+    /// are computed when first asked for, which takes longer than the match.
+    ///
+    /// # Errors
+    /// Those of [`Shape::full_spectrum`].
+    pub fn full_functional_map(
+        &self,
+        source: &Shape,
+        target: &Shape,
+        progress: &Progress,
+    ) -> Result<Mat<f64>> {
+        let target_full = target.full_spectrum(progress)?;
+        let source_full = source.full_spectrum(progress)?;
+        let (target_basis, mass, target_unit) = target_full.as_deref().map_or(
+            (&target.basis, &target.mass, target.unit),
+            |s: &FullSpectrum| (&s.basis, &s.mass, s.unit),
+        );
+        let (source_basis, source_unit) = source_full
+            .as_deref()
+            .map_or((&source.basis, source.unit), |s| (&s.basis, s.unit));
+        let size = |b: &Eigenbasis| FUNCTIONAL_MAP_SIZE.min(b.values.len());
+        let faces = &source.given_mesh().faces;
+        let own = Mat::from_fn(self.points.len(), size(target_basis), |i, j| {
+            mass[i].sqrt() * target_basis.functions[(i, j)]
+        });
+        let carried = Mat::from_fn(self.points.len(), size(source_basis), |i, j| {
+            let SurfacePoint { face, weights } = self.points[i];
+            let corners = faces[face as usize];
+            let value: f64 = (0..3)
+                .map(|c| weights[c] * source_basis.functions[(corners[c] as usize, j)])
+                .sum();
+            mass[i].sqrt() * value
+        });
+        let gram = dense::product(own.transpose(), own.as_ref());
+        let right = dense::product(own.transpose(), carried.as_ref());
+        solved_functional_map(target_unit / source_unit, gram, right.as_ref())
+    }
 }
 
 /// Finds the map.
@@ -251,7 +303,7 @@ fn clearest(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
     let close = selection::rivals(&hypotheses).min(MOST_COMPLETED);
-    let mut completed: Vec<Completed> = hypotheses[..close]
+    let mut completed: Vec<Completed<'_>> = hypotheses[..close]
         .par_iter()
         .map(|h| completed_and_ranked(pair, h, progress, report))
         .collect::<Result<_>>()?;
@@ -269,19 +321,20 @@ fn clearest(
         }
     });
     selection::compare_with_chosen(pair.source, best, &mut hypotheses);
-    let mut found = completed.swap_remove(best).found;
     let chosen = hypotheses.remove(best);
-    found.figures = found.figures.map(|own| Figures {
-        agreement: own.agreement,
-        ..chosen.figures
-    });
+    let mut found = completed.swap_remove(best).finished(pair, &chosen)?;
+    progress.check()?;
     found.others = hypotheses;
     Ok(found)
 }
 
 /// Whether a map that differs from another in some part of the target keeps distances and
 /// curvatures better on that part. Over the whole surface a turned leg changes both by little.
-fn fits_better_where_it_differs(pair: &Pair<'_>, map: &Completed, other: &Completed) -> bool {
+fn fits_better_where_it_differs(
+    pair: &Pair<'_>,
+    map: &Completed<'_>,
+    other: &Completed<'_>,
+) -> bool {
     let (target, source) = (pair.target, pair.source);
     let at = |images: &[u32], v: usize| source.mesh.vertices[images[v] as usize];
     let differs = |v: usize| {
@@ -299,7 +352,7 @@ fn fits_better_where_it_differs(pair: &Pair<'_>, map: &Completed, other: &Comple
         let sum: f64 = part.iter().map(|&v| target.mass[v] * value(v)).sum();
         sum / share
     };
-    let misfit = |c: &Completed| -> f64 {
+    let misfit = |c: &Completed<'_>| -> f64 {
         let distances = if pair.uses(Part::Geodesic) {
             mean(&|v| c.distortion[v].powi(2)).sqrt()
         } else {
@@ -354,14 +407,15 @@ pub fn completed(
         hints,
         left_out: LeftOut::default(),
     };
-    let mut found = completed_and_ranked(&pair, hypothesis, progress, report)?.found;
+    let mut found =
+        completed_and_ranked(&pair, hypothesis, progress, report)?.finished(&pair, hypothesis)?;
     found.hints = Arc::clone(hints);
     Ok(found)
 }
 
-/// A completed map with what decides between close ones.
-struct Completed {
-    found: Correspondence,
+/// A refined map with what decides between close ones.
+struct Completed<'a> {
+    state: Refined<'a>,
     /// Rank of the refined map.
     rank: f64,
     /// Local distortion at each target vertex.
@@ -370,12 +424,33 @@ struct Completed {
     images: Vec<u32>,
 }
 
-fn completed_and_ranked(
-    pair: &Pair<'_>,
+impl Completed<'_> {
+    /// The dense map, with what is known of it.
+    fn finished(self, pair: &Pair<'_>, hypothesis: &Hypothesis) -> Result<Correspondence> {
+        let (asking, answering) = (&self.state.target, &self.state.source);
+        let mut found = dense_map(
+            pair.source,
+            pair.target,
+            (&asking.rows, &asking.images.vertex),
+            (&answering.rows, &answering.images.vertex),
+            &self.distortion,
+            &pair.hints.landmarks,
+        )?;
+        found.figures = Some(Figures {
+            agreement: curvature_agreement(pair.target, pair.source, &self.images),
+            ..hypothesis.figures
+        });
+        found.shares = hypothesis.shares;
+        Ok(found)
+    }
+}
+
+fn completed_and_ranked<'a>(
+    pair: &Pair<'a>,
     hypothesis: &Hypothesis,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
-) -> Result<Completed> {
+) -> Result<Completed<'a>> {
     let pair = &Pair {
         shares: hypothesis.shares,
         ..*pair
@@ -388,43 +463,27 @@ fn completed_and_ranked(
         &|f| report("refinement", 0.9 * f),
     )?;
     report("dense map", 0.9)?;
-    let Refined {
-        target: asking,
-        source: answering,
-        ..
-    } = &state;
-    let (distortion, mut found) = dense_map(
-        source,
-        target,
-        (&asking.rows, &asking.images.vertex),
-        (&answering.rows, &answering.images.vertex),
-        &pair.hints.landmarks,
-        progress,
-    )?;
-    found.figures = Some(Figures {
-        agreement: curvature_agreement(target, source, &asking.images.vertex),
-        ..hypothesis.figures
-    });
-    found.shares = hypothesis.shares;
-    let images = |side: &Side<'_>| -> Vec<u32> {
+    let (asking, answering) = (&state.target, &state.source);
+    let images = &asking.images.vertex[..target.mesh.surface_vertices];
+    let distortion = local_distortion(target, source, images, progress)?;
+    let judging = |side: &Side<'_>| -> Vec<u32> {
         selection::judging(side.shape())
             .iter()
             .map(|&v| side.images.vertex[v as usize])
             .collect()
     };
-    let on_source = images(asking);
     let mut refined = selection::figures(
         pair,
         hypothesis.matrix.as_ref(),
-        &on_source,
-        &images(answering),
+        &judging(asking),
+        &judging(answering),
     );
     refined.contradiction = hypothesis.figures.contradiction;
     Ok(Completed {
         rank: refined.rank(),
         distortion,
         images: asking.images.vertex.clone(),
-        found,
+        state,
     })
 }
 
@@ -477,19 +536,16 @@ fn embedded(
         let real = |s: &Shape| (0..s.mesh.surface_vertices as u32).collect::<Vec<_>>();
         nearest(&a.gather(&real(from)), &b.gather(&real(to)))
     };
-    let (_, mut found) = dense_map(
+    let on_source = images(target, &embedding.target, source, &embedding.source);
+    let on_target = images(source, &embedding.source, target, &embedding.target);
+    let distortion = local_distortion(target, source, &on_source, progress)?;
+    let mut found = dense_map(
         source,
         target,
-        (
-            &embedding.target,
-            &images(target, &embedding.target, source, &embedding.source),
-        ),
-        (
-            &embedding.source,
-            &images(source, &embedding.source, target, &embedding.target),
-        ),
+        (&embedding.target, &on_source),
+        (&embedding.source, &on_target),
+        &distortion,
         &[],
-        progress,
     )?;
     found.convergence = Some(embedding.convergence);
     Ok(found)
@@ -551,35 +607,54 @@ pub fn energy(source: &Shape, target: &Shape, functional_map: MatRef<'_, f64>) -
     Ok(objective.value(c.as_ref()).0)
 }
 
-/// The map with confidence and functional map, and its local distortion at each target vertex, from two embeddings and the vertex maps between them.
+/// Points on the given meshes, confidence and functional map, from two embeddings, the vertex maps
+/// between them and the local distortion at each target vertex.
 fn dense_map(
     source: &Shape,
     target: &Shape,
     (target_rows, on_source): (&Rows, &[u32]),
     (source_rows, on_target): (&Rows, &[u32]),
+    distortion: &[f64],
     landmarks: &[(u32, u32)],
-    progress: &Progress,
-) -> Result<(Vec<f64>, Correspondence)> {
+) -> Result<Correspondence> {
     let images = &on_source[..target.mesh.surface_vertices];
     let back = &on_target[..source.mesh.surface_vertices];
-    let mut points = pointwise_map::projected(target_rows, source_rows, images, source);
-    for &(known, asking) in landmarks {
-        points[asking as usize] = SurfacePoint::at_vertex(source, known);
-    }
-    let distortion = local_distortion(target, source, images, progress)?;
     let vertices = &target.mesh.vertices;
     let returns = |v: usize| {
         let end = back[images[v] as usize] as usize;
         vector::norm(vector::sub(vertices[v], vertices[end]))
     };
-    let trust: Vec<f64> = distortion
+    let mut trust: Vec<f64> = distortion
         .iter()
         .enumerate()
         .map(|(v, &d)| confidence(d, returns(v)))
         .collect();
+    let mut points = if let Some(full) = &target.full {
+        trust = full.carried(&trust, &target.mesh);
+        pointwise_map::projected_at_full_resolution(
+            (target, target_rows, full),
+            (source, source_rows),
+            images,
+        )
+    } else {
+        pointwise_map::projected(target_rows, source_rows, images, source)
+    };
+    for &(known, asking) in landmarks {
+        let vertex = target
+            .full
+            .as_ref()
+            .map_or(asking, |f| f.kept[asking as usize]);
+        points[vertex as usize] = SurfacePoint::at_vertex(source, known);
+    }
+    if let Some(full) = &source.full {
+        points = full.located(&points, &source.mesh);
+    }
     let functional_map = functional_map(source, target, images, back)?;
-    let found = in_given_numbering(source, target, &points, &trust, functional_map);
-    Ok((distortion, found))
+    let mut found = in_given_numbering(source, target, &points, &trust, functional_map);
+    if source.full.is_some() || target.full.is_some() {
+        found.points = points;
+    }
+    Ok(found)
 }
 
 /// α with Φₜ α ≈ Φₛ at matched points of both vertex maps, weighted by area; in given units a
@@ -607,24 +682,34 @@ fn functional_map(
     dense::add_product(gram.as_mut(), other.transpose(), other.as_ref());
     let mut right = dense::product(own.transpose(), own_values.as_ref());
     dense::add_product(right.as_mut(), other.transpose(), other_values.as_ref());
-    // The constant is carried exactly, so it takes no part in the ridge.
-    let ridge = |i: usize| if i == 0 { 0.0 } else { FUNCTIONAL_MAP_RIDGE };
-    let alpha = dense::solve_with_ridge(gram, ridge, right.as_ref())?;
-    Ok(faer::Scale(target.unit / source.unit) * alpha)
+    solved_functional_map(target.unit / source.unit, gram, right.as_ref())
 }
 
-/// Landmarks in the numbering of the checked meshes.
+/// `unit_ratio` is the target's unit of length over the source's.
+fn solved_functional_map(
+    unit_ratio: f64,
+    gram: Mat<f64>,
+    right: MatRef<'_, f64>,
+) -> Result<Mat<f64>> {
+    // The constant is carried exactly, so it takes no part in the ridge.
+    let ridge = |i: usize| if i == 0 { 0.0 } else { FUNCTIONAL_MAP_RIDGE };
+    let alpha = dense::solve_with_ridge(gram, ridge, right)?;
+    Ok(faer::Scale(unit_ratio) * alpha)
+}
+
+/// Landmarks as vertices of the meshes on which the map is sought.
 fn checked_landmarks(
     source: &Shape,
     target: &Shape,
     given: &[(u32, u32)],
 ) -> Result<Vec<(u32, u32)>> {
     let find = |shape: &Shape, which: &str, vertex: u32| {
+        let full = shape.full.as_ref();
         shape
-            .mesh
+            .given_mesh()
             .input_vertex
             .binary_search(&vertex)
-            .map(|i| i as u32)
+            .map(|i| full.map_or(i as u32, |f| f.working_vertex(i as u32, &shape.mesh)))
             .map_err(|_| Error::BadArgument {
                 what: format!(
                     "landmark vertex {vertex} of the {which} is not on its largest part: \
@@ -638,7 +723,7 @@ fn checked_landmarks(
         .collect()
 }
 
-/// Back to the numbering of the given meshes; dropped target vertices take over the image of the
+/// From the checked meshes in given resolution to their given numbering; dropped target vertices take over the image of the
 /// nearest matched one, with confidence 0.
 fn in_given_numbering(
     source: &Shape,
@@ -647,7 +732,7 @@ fn in_given_numbering(
     trust: &[f64],
     functional_map: Mat<f64>,
 ) -> Correspondence {
-    let mesh = &target.mesh;
+    let (mesh, source) = (target.given_mesh(), source.given_mesh());
     let count = mesh.input_positions.len();
     let mut checked: Vec<Option<u32>> = vec![None; count];
     for (i, &v) in mesh.input_vertex.iter().enumerate() {
@@ -661,6 +746,7 @@ fn in_given_numbering(
         vertices: Vec::with_capacity(count),
         confidence: Vec::with_capacity(count),
         functional_map,
+        points: Vec::new(),
         figures: None,
         shares: Shares::BOTH,
         convergence: None,
@@ -681,12 +767,10 @@ fn in_given_numbering(
             0,
             |best, c| if weights[c] > weights[best] { c } else { best },
         );
-        let corner = source.mesh.faces[face as usize][largest];
-        found.faces.push(source.mesh.input_face[face as usize]);
-        found
-            .vertices
-            .push(source.mesh.input_vertex[corner as usize]);
-        let turned = source.mesh.turned[face as usize];
+        let corner = source.faces[face as usize][largest];
+        found.faces.push(source.input_face[face as usize]);
+        found.vertices.push(source.input_vertex[corner as usize]);
+        let turned = source.turned[face as usize];
         let [a, b, c] = weights;
         found
             .barycentric

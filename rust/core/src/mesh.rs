@@ -213,14 +213,21 @@ impl Mesh {
     /// Vertices that share an edge with each vertex, in ascending order.
     #[must_use]
     pub fn vertex_neighbours(&self) -> Adjacency {
-        let mut edges: Vec<(u32, u32)> = self
-            .faces
-            .iter()
-            .flat_map(|&[a, b, c]| [(a, b), (b, a), (b, c), (c, b), (c, a), (a, c)])
-            .collect();
-        edges.sort_unstable();
-        edges.dedup();
-        Adjacency::from_lists(self.vertices.len(), edges.iter().copied())
+        let around = self.vertex_faces();
+        let mut starts = Vec::with_capacity(self.vertices.len() + 1);
+        let mut entries = Vec::with_capacity(3 * self.faces.len());
+        let mut row = Vec::new();
+        starts.push(0);
+        for v in 0..self.vertices.len() {
+            let corners = around.row(v).iter().flat_map(|&f| self.faces[f as usize]);
+            row.clear();
+            row.extend(corners.filter(|&u| u as usize != v));
+            row.sort_unstable();
+            row.dedup();
+            entries.extend_from_slice(&row);
+            starts.push(entries.len() as u32);
+        }
+        Adjacency { starts, entries }
     }
 
     /// Faces around each vertex, in ascending order.

@@ -4,7 +4,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
-use crate::dense::Rows;
+use crate::dense::{Rows, vectorised};
 
 /// Queries treated in one matrix product: the scores then stay in the second-level cache.
 const QUERIES_A_BLOCK: usize = 64;
@@ -45,20 +45,31 @@ pub fn nearest(queries: &Rows, points: &Rows) -> Vec<u32> {
 /// Index of the smallest `scores[j] + offsets[j]`.
 #[must_use]
 pub fn lowest(scores: &[f32], offsets: &[f32]) -> u32 {
+    vectorised(|| lowest_sum([scores, offsets]))
+}
+
+/// Index of the smallest sum of the terms' j-th entries, the first of equal ones; to be called
+/// within [`vectorised`]. All terms are as long as the first.
+#[inline(always)]
+#[must_use]
+pub fn lowest_sum<const TERMS: usize>(terms: [&[f32]; TERMS]) -> u32 {
     // Lanes run independently so that the compiler can use vector registers.
     const LANES: usize = 16;
+    let count = terms[0].len();
     let mut best = [f32::INFINITY; LANES];
     let mut at = [0u32; LANES];
-    let whole = scores.len() / LANES * LANES;
+    let whole = count / LANES * LANES;
     for start in (0..whole).step_by(LANES) {
-        let (score, offset) = (
-            &scores[start..start + LANES],
-            &offsets[start..start + LANES],
-        );
+        let mut cost = [0f32; LANES];
+        for term in terms {
+            let chunk = &term[start..start + LANES];
+            for lane in 0..LANES {
+                cost[lane] += chunk[lane];
+            }
+        }
         for lane in 0..LANES {
-            let cost = score[lane] + offset[lane];
-            let better = cost < best[lane];
-            best[lane] = if better { cost } else { best[lane] };
+            let better = cost[lane] < best[lane];
+            best[lane] = if better { cost[lane] } else { best[lane] };
             at[lane] = if better { start as u32 } else { at[lane] };
         }
     }
@@ -69,8 +80,11 @@ pub fn lowest(scores: &[f32], offsets: &[f32]) -> u32 {
             winner = (best[lane], id);
         }
     }
-    for j in whole..scores.len() {
-        let cost = scores[j] + offsets[j];
+    for j in whole..count {
+        let mut cost = 0.0;
+        for term in terms {
+            cost += term[j];
+        }
         if cost < winner.0 {
             winner = (cost, j as u32);
         }

@@ -186,9 +186,8 @@ fn gradients(shape: &Shape, vertex: u32, count: usize) -> Vec<Point> {
             let [from, to] = [corners[(i + 1) % 3], corners[(i + 2) % 3]];
             let opposite = vector::sub(mesh.vertices[to as usize], mesh.vertices[from as usize]);
             let turned = vector::cross(unit, opposite);
-            for (a, sum) in sums.iter_mut().enumerate() {
-                let value = shape.basis.functions[(corners[i] as usize, a)];
-                *sum = vector::add(*sum, vector::scaled(turned, value));
+            for (sum, &value) in sums.iter_mut().zip(shape.rows.row(corners[i] as usize)) {
+                *sum = vector::add(*sum, vector::scaled(turned, f64::from(value)));
             }
         }
     }

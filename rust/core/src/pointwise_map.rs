@@ -2,7 +2,8 @@
 
 use rayon::prelude::*;
 
-use crate::dense::Rows;
+use crate::dense::{Rows, vectorised};
+use crate::full_resolution::FullResolution;
 use crate::refinement::propagation::squared_distance;
 use crate::shape::Shape;
 
@@ -39,10 +40,169 @@ pub fn projected(target: &Rows, source: &Rows, images: &[u32], shape: &Shape) ->
     images
         .par_iter()
         .enumerate()
-        .map(|(i, &image)| project(target.row(i), source, image, shape))
+        .map(|(i, &image)| vectorised(|| project(target.row(i), source, image, shape)))
         .collect()
 }
 
+/// As [`projected`], for every vertex of the given mesh behind a simplified target.
+///
+/// Rows of given vertices are those of the simplified one, linear on its faces, and are never
+/// formed: the vertices of a face share the inner products of its corners with the source's rows,
+/// so that the cost hardly grows with the given mesh. `images` is the nearest source vertex of
+/// each vertex of the simplified target.
+#[must_use]
+pub fn projected_at_full_resolution(
+    (target, target_rows, full): (&Shape, &Rows, &FullResolution),
+    (source, source_rows): (&Shape, &Rows),
+    images: &[u32],
+) -> Vec<SurfacePoint> {
+    let surface = source.mesh.surface_faces;
+    let sides: Vec<[f64; 3]> = source.mesh.faces[..surface]
+        .par_iter()
+        .map(|corners| {
+            let [a, b, c] = corners.map(|v| source_rows.row(v as usize));
+            [(b, b), (b, c), (c, c)].map(|(x, y)| product_from(a, x, y))
+        })
+        .collect();
+    let found: Vec<Vec<(u32, SurfacePoint)>> = (0..target.mesh.faces.len() as u32)
+        .into_par_iter()
+        .map(|face| {
+            let asking = full.on_face(face);
+            if asking.is_empty() {
+                return Vec::new();
+            }
+            let corners = target.mesh.faces[face as usize];
+            let near = vectorised(|| {
+                NearFaces::new(
+                    corners.map(|v| target_rows.row(v as usize)),
+                    corners.map(|v| images[v as usize]),
+                    (source, source_rows),
+                )
+            });
+            asking
+                .iter()
+                .map(|&v| {
+                    (
+                        v,
+                        near.closest(full.points[v as usize].weights, &sides, source),
+                    )
+                })
+                .collect()
+        })
+        .collect();
+    let nowhere = SurfacePoint {
+        face: 0,
+        weights: [1.0, 0.0, 0.0],
+    };
+    let mut points = vec![nowhere; full.points.len()];
+    for (v, point) in found.into_iter().flatten() {
+        points[v as usize] = point;
+    }
+    points
+}
+
+/// Faces of the source near the image of a target face, seen from the face's first corner t₀.
+struct NearFaces {
+    /// Gram matrix of t₁ − t₀, t₂ − t₀.
+    own: [f64; 3],
+    /// Source vertices v, ascending.
+    vertices: Vec<u32>,
+    /// ⟨t₁ − t₀, v − t₀⟩, ⟨t₂ − t₀, v − t₀⟩, ‖v − t₀‖² of each.
+    products: Vec<[f64; 3]>,
+    faces: Vec<u32>,
+}
+
+impl NearFaces {
+    #[inline(always)]
+    fn new(corners: [&[f32]; 3], images: [u32; 3], (source, rows): (&Shape, &Rows)) -> Self {
+        let mut faces: Vec<u32> = Vec::with_capacity(96);
+        for (i, &image) in images.iter().enumerate() {
+            if images[..i].contains(&image) {
+                continue;
+            }
+            faces.extend(source.vertex_faces.row(image as usize));
+            for &v in source.neighbours.row(image as usize) {
+                faces.extend(source.vertex_faces.row(v as usize));
+            }
+        }
+        faces.retain(|&f| (f as usize) < source.mesh.surface_faces);
+        faces.sort_unstable();
+        faces.dedup();
+        let mut vertices: Vec<u32> = faces
+            .iter()
+            .flat_map(|&f| source.mesh.faces[f as usize])
+            .collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let [t0, t1, t2] = corners;
+        let products = vertices
+            .iter()
+            .map(|&v| {
+                let row = rows.row(v as usize);
+                [(t1, row), (t2, row), (row, row)].map(|(x, y)| product_from(t0, x, y))
+            })
+            .collect();
+        Self {
+            own: [(t1, t1), (t1, t2), (t2, t2)].map(|(x, y)| product_from(t0, x, y)),
+            vertices,
+            products,
+            faces,
+        }
+    }
+
+    /// Closest point of the faces to the point of the target face with these weights.
+    fn closest(&self, [_, w1, w2]: [f64; 3], sides: &[[f64; 3]], source: &Shape) -> SurfacePoint {
+        let [e11, e12, e22] = self.own;
+        let square = w1 * w1 * e11 + 2.0 * w1 * w2 * e12 + w2 * w2 * e22;
+        let mut best = (
+            f64::INFINITY,
+            SurfacePoint {
+                face: 0,
+                weights: [1.0, 0.0, 0.0],
+            },
+        );
+        for &face in &self.faces {
+            let [a, b, c] = source.mesh.faces[face as usize].map(|v| {
+                let at = self.vertices.partition_point(|&u| u < v);
+                let [along1, along2, square] = self.products[at];
+                (w1 * along1 + w2 * along2, square)
+            });
+            let [uu, uv, vv] = sides[face as usize];
+            // ⟨b − a, q − a⟩ with ⟨a, b⟩ from the law of cosines; likewise for c.
+            let uq = b.0 - a.0 + f64::midpoint(a.1 - b.1, uu);
+            let vq = c.0 - a.0 + f64::midpoint(a.1 - c.1, vv);
+            let qq = square - 2.0 * a.0 + a.1;
+            let (cost, weights) = closest_weights(uu, uv, vv, uq, vq, qq);
+            if cost < best.0 {
+                best = (cost, SurfacePoint { face, weights });
+            }
+        }
+        best.1
+    }
+}
+
+/// ⟨x − o, y − o⟩.
+#[inline(always)]
+fn product_from(o: &[f32], x: &[f32], y: &[f32]) -> f64 {
+    const LANES: usize = 16;
+    let mut lanes = [0f32; LANES];
+    let whole = o.len() / LANES * LANES;
+    for ((o, x), y) in o[..whole]
+        .chunks_exact(LANES)
+        .zip(x[..whole].chunks_exact(LANES))
+        .zip(y[..whole].chunks_exact(LANES))
+    {
+        for l in 0..LANES {
+            lanes[l] += (x[l] - o[l]) * (y[l] - o[l]);
+        }
+    }
+    let rest: f32 = (whole..o.len())
+        .map(|i| (x[i] - o[i]) * (y[i] - o[i]))
+        .sum();
+    f64::from(lanes.iter().sum::<f32>() + rest)
+}
+
+#[inline(always)]
 fn project(query: &[f32], source: &Rows, image: u32, shape: &Shape) -> SurfacePoint {
     let mut near: Vec<(f32, u32)> = shape
         .neighbours
@@ -86,6 +246,7 @@ fn project(query: &[f32], source: &Rows, image: u32, shape: &Shape) -> SurfacePo
 
 /// Squared distance from a query to a triangle in any dimension, and the barycentric weights of
 /// the closest point.
+#[inline(always)]
 fn closest_in_triangle(query: &[f32], [a, b, c]: [&[f32]; 3]) -> (f64, [f64; 3]) {
     let (mut uu, mut uv, mut vv, mut uq, mut vq, mut qq) = (0f32, 0f32, 0f32, 0f32, 0f32, 0f32);
     for (((&q, &a), &b), &c) in query.iter().zip(a).zip(b).zip(c) {

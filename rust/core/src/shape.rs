@@ -1,12 +1,15 @@
 //! A surface prepared for matching: everything that depends on one shape only.
 
+use std::sync::Arc;
+
 use faer::{Mat, MatRef};
 
-use crate::dense;
+use crate::dense::{self, Rows};
 use crate::descriptors::Descriptors;
 use crate::distance_operator;
 use crate::eigenbasis::Eigenbasis;
 use crate::error::{Error, Result};
+use crate::full_resolution::{FullResolution, FullSpectrum};
 use crate::geodesics::{self, FastMarching};
 use crate::mesh::{Adjacency, Mesh};
 use crate::metric::{Measured, Metric};
@@ -21,15 +24,24 @@ pub const SAMPLES: usize = 500;
 pub const MARCHED: usize = 120;
 /// Size of the distance operator.
 pub const OPERATOR_SIZE: usize = 60;
+/// Meshes with more vertices than this are simplified to so many before anything else is done.
+pub const SIMPLIFIED_ABOVE: usize = 20_000;
+/// Vertices of a simplified mesh.
+pub const SIMPLIFIED: usize = 12_000;
 /// Vertices for each eigenpair at least: beyond, eigenfunctions show the mesh, not the surface.
 const VERTICES_A_PAIR: usize = 3;
 
 /// A surface as a sampled metric space with its spectrum. Lengths are at unit area in its metric;
 /// the positions of `mesh` are at unit area in space.
+///
+/// A mesh of more than [`SIMPLIFIED_ABOVE`] vertices is simplified first; then everything here is
+/// that of the simplified mesh, and [`Shape::full`] leads back to the given one.
 #[derive(Debug)]
 pub struct Shape {
-    /// Checked mesh.
+    /// Checked mesh, simplified when a large one was given.
     pub mesh: Mesh,
+    /// The given mesh behind a simplified one.
+    pub full: Option<FullResolution>,
     /// How lengths are measured.
     pub metric: Metric,
     /// Length of one unit here: in given units, or without unit in the scale-invariant metric.
@@ -40,6 +52,8 @@ pub struct Shape {
     pub mass: Vec<f64>,
     /// Smallest eigenpairs of the Laplace–Beltrami operator.
     pub basis: Eigenbasis,
+    /// Its eigenfunctions in single precision, a row a vertex.
+    pub rows: Rows,
     /// Farthest-point list.
     pub farthest: Vec<u32>,
     /// Distances from the first samples to every vertex, `(n, s)`.
@@ -88,7 +102,7 @@ impl Shape {
         report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
     ) -> Result<Self> {
         report("reading", 0.0)?;
-        let mesh = Mesh::new(vertices, faces, false)?;
+        let (mesh, full) = Self::working_mesh(vertices, faces, progress, report)?;
         report("operator", 0.05)?;
         let surface = Measured::new(&mesh, metric)?;
         report("eigenpairs", 0.1)?;
@@ -102,12 +116,28 @@ impl Shape {
         let marched = &farthest[..MARCHED.min(farthest.len())];
         let fields = geodesics::distances_from(&surface.marching, marched, &cancelled)?;
         report("distance operator", 0.9)?;
-        Self::assembled(mesh, surface, basis, farthest, fields)
+        Self::assembled((mesh, full), surface, basis, farthest, fields)
+    }
+
+    /// The mesh on which everything is computed, and the given one behind it when it is large.
+    fn working_mesh(
+        vertices: &[Point],
+        faces: &[[i64; 3]],
+        progress: &Progress,
+        report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+    ) -> Result<(Mesh, Option<FullResolution>)> {
+        let mesh = Mesh::new(vertices, faces, false)?;
+        if mesh.vertices.len() <= SIMPLIFIED_ABOVE {
+            return Ok((mesh, None));
+        }
+        report("simplification", 0.02)?;
+        let (simplified, full) = FullResolution::new(mesh, SIMPLIFIED, progress)?;
+        Ok((simplified, Some(full)))
     }
 
     /// Everything that follows from the costly parts.
     fn assembled(
-        mesh: Mesh,
+        (mesh, full): (Mesh, Option<FullResolution>),
         surface: Measured,
         basis: Eigenbasis,
         farthest: Vec<u32>,
@@ -124,15 +154,12 @@ impl Shape {
         let size = OPERATOR_SIZE
             .min(basis.values.len())
             .min(2 * marched.len() / 3);
-        let exact = Mat::from_fn(fields.nrows(), fields.ncols(), |i, j| {
-            f64::from(fields[(i, j)])
-        });
         let distance_operator = distance_operator::from_fields(
             basis.functions.get(.., ..size),
             &basis.values[..size],
             &laplacian.mass,
             marched,
-            exact.as_ref(),
+            fields.as_ref(),
         )?;
         let descriptors = Descriptors::new(
             &mesh,
@@ -152,6 +179,8 @@ impl Shape {
             unit,
             length_factors,
             mesh,
+            full,
+            rows: Rows::from_matrix(basis.functions.as_ref(), basis.values.len()),
             basis,
             farthest,
             fields,
@@ -164,7 +193,7 @@ impl Shape {
     /// A shape from its mesh and the costly parts of an earlier preparation.
     ///
     /// `values` are the k eigenvalues, `functions` `(n, k)`, `fields` `(n, s)` in the order of the
-    /// checked mesh, at unit area.
+    /// checked (and simplified) mesh, at unit area.
     ///
     /// # Errors
     /// Those of [`Mesh::new`]; [`Error::BadArgument`] when the parts do not fit the mesh.
@@ -177,7 +206,8 @@ impl Shape {
         farthest: Vec<u32>,
         fields: Mat<f32>,
     ) -> Result<Self> {
-        let mesh = Mesh::new(vertices, faces, false)?;
+        let (mesh, full) =
+            Self::working_mesh(vertices, faces, &Progress::default(), &|_, _| Ok(()))?;
         let n = mesh.vertices.len();
         let fit = functions.nrows() == n
             && fields.nrows() == n
@@ -203,7 +233,27 @@ impl Shape {
             residual: f64::NAN,
             solves: 0,
         };
-        Self::assembled(mesh, surface, basis, farthest, fields)
+        Self::assembled((mesh, full), surface, basis, farthest, fields)
+    }
+
+    /// The checked mesh in the given resolution.
+    #[must_use]
+    pub fn given_mesh(&self) -> &Mesh {
+        self.full.as_ref().map_or(&self.mesh, |full| &full.mesh)
+    }
+
+    /// Spectrum of the given mesh when [`Shape::mesh`] is a simplified one; computed when first
+    /// asked for.
+    ///
+    /// # Errors
+    /// Those of [`FullResolution::spectrum`].
+    pub fn full_spectrum(&self, progress: &Progress) -> Result<Option<Arc<FullSpectrum>>> {
+        let Some(full) = &self.full else {
+            return Ok(None);
+        };
+        let sizes = (self.basis.values.len(), self.distance_operator.nrows());
+        full.spectrum(self.metric, sizes, self.marched(), progress)
+            .map(Some)
     }
 
     /// First `k` eigenfunctions, `(n, k)`.
@@ -263,28 +313,59 @@ impl Shape {
         drawn
     }
 
-    /// Eigenfunctions in given numbering and units, `(given, k)`; zero at dropped vertices.
-    #[must_use]
-    pub fn given_functions(&self) -> Mat<f64> {
-        let mesh = &self.mesh;
-        let mut out = Mat::zeros(mesh.input_positions.len(), self.basis.values.len());
-        for (i, &v) in mesh.input_vertex.iter().enumerate() {
-            for j in 0..out.ncols() {
-                out[(v as usize, j)] = self.basis.functions[(i, j)] / self.unit;
+    /// Spectrum and distances as handed out: of the given mesh, in given numbering and units.
+    ///
+    /// # Errors
+    /// Those of [`FullResolution::spectrum`], when the given mesh was simplified.
+    pub fn public_arrays(&self, progress: &Progress) -> Result<PublicArrays> {
+        let spectrum = self.full_spectrum(progress)?;
+        let (basis, operator, unit) = spectrum
+            .as_ref()
+            .map_or((&self.basis, &self.distance_operator, self.unit), |s| {
+                (&s.basis, &s.distance_operator, s.unit)
+            });
+        let geodesics = spectrum.as_ref().map_or_else(
+            || {
+                let marched = self.marched();
+                let d = |i: usize, j: usize| f64::from(self.fields[(marched[i] as usize, j)]);
+                Mat::from_fn(marched.len(), marched.len(), |i, j| {
+                    f64::midpoint(d(i, j), d(j, i))
+                })
+            },
+            |s| s.geodesics.clone(),
+        );
+        let mesh = self.given_mesh();
+        let mut eigenfunctions = Mat::zeros(mesh.input_positions.len(), basis.values.len());
+        for j in 0..basis.values.len() {
+            for (phi, &v) in basis.functions.col(j).iter().zip(&mesh.input_vertex) {
+                eigenfunctions[(v as usize, j)] = phi / unit;
             }
         }
-        out
+        Ok(PublicArrays {
+            eigenvalues: basis.values.iter().map(|l| l / unit.powi(2)).collect(),
+            eigenfunctions,
+            geodesics: faer::Scale(unit) * geodesics,
+            distance_operator: faer::Scale(unit.powi(3)) * operator,
+        })
     }
 
     /// Vertex areas in given numbering and units; zero at dropped vertices.
-    #[must_use]
-    pub fn given_mass(&self) -> Vec<f64> {
-        let mesh = &self.mesh;
+    ///
+    /// # Errors
+    /// Those of [`Measured::new`].
+    pub fn given_mass(&self) -> Result<Vec<f64>> {
+        let mesh = self.given_mesh();
+        let (mass, unit) = if let Some(full) = &self.full {
+            let surface = Measured::new(&full.mesh, self.metric)?;
+            (surface.laplacian.mass, surface.unit)
+        } else {
+            (self.mass.clone(), self.unit)
+        };
         let mut out = vec![0.0; mesh.input_positions.len()];
-        for (i, &v) in mesh.input_vertex.iter().enumerate() {
-            out[v as usize] = self.mass[i] * self.unit.powi(2);
+        for (a, &v) in mass.iter().zip(&mesh.input_vertex) {
+            out[v as usize] = a * unit.powi(2);
         }
-        out
+        Ok(out)
     }
 
     /// Samples from which distances were marched, in given numbering.
@@ -295,14 +376,17 @@ impl Shape {
             .map(|&v| i64::from(self.mesh.input_vertex[v as usize]))
             .collect()
     }
+}
 
-    /// Distances between those samples in given units, `(s, s)`, made symmetric.
-    #[must_use]
-    pub fn given_geodesics(&self) -> Mat<f64> {
-        let marched = self.marched();
-        let d = |i: usize, j: usize| f64::from(self.fields[(marched[i] as usize, j)]);
-        Mat::from_fn(marched.len(), marched.len(), |i, j| {
-            self.unit * f64::midpoint(d(i, j), d(j, i))
-        })
-    }
+/// What a shape hands out, in given numbering and units; zero at dropped vertices.
+#[derive(Debug)]
+pub struct PublicArrays {
+    /// `(k)`, 1/length².
+    pub eigenvalues: Vec<f64>,
+    /// `(given, k)`.
+    pub eigenfunctions: Mat<f64>,
+    /// Distances between the samples, `(s, s)`.
+    pub geodesics: Mat<f64>,
+    /// `(q, q)`, length³.
+    pub distance_operator: Mat<f64>,
 }

@@ -144,9 +144,12 @@ def _parser() -> argparse.ArgumentParser:
 
     bench = commands.add_parser("bench", help="time the stages", description=_bench.__doc__)
     bench.add_argument(
-        "--sizes", type=_sizes, metavar="N,N,…", help="vertices of a shape (default 5000,20000,50000)"
+        "--sizes",
+        type=_sizes,
+        metavar="N,N,…",
+        help="vertices of a shape (default 5000,20000,50000,200000,1000000)",
     )
-    bench.add_argument("--runs", type=_positive, default=3, metavar="N", help="of which the median counts")
+    bench.add_argument("--runs", type=_positive, default=5, metavar="N", help="of which the median counts")
     bench.add_argument("--no-peers", action="store_true", help="only ourselves")
     bench.add_argument("--json", type=Path, metavar="OUT")
     bench.set_defaults(run=_bench)

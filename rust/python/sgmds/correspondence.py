@@ -15,7 +15,7 @@ from .errors import ArgumentError, SgmdsError
 from .shape import Floats, Ids, Progress
 
 FORMAT = "sgmds-correspondence"
-ARRAYS = ("faces", "barycentric", "vertices", "confidence", "functional_map")
+ARRAYS = ("faces", "barycentric", "vertices", "confidence")
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,6 @@ class Correspondence:
     """(n_target,) nearest source vertex of that point."""
     confidence: Floats
     """(n_target,) in [0, 1]."""
-    functional_map: Floats
-    """(k_target, k_source) coefficients on the source → coefficients on the target."""
     quality: Quality
     """Grade, reasons, figures."""
 
@@ -51,6 +49,7 @@ class Correspondence:
     ) -> None:
         for name in ARRAYS:
             setattr(self, name, arrays[name])
+        self._functional_map: Floats | None = arrays.get("functional_map")
         self._triangles = arrays["triangles"]
         self._source_count = int(arrays["source_count"])
         self.quality = quality
@@ -60,11 +59,24 @@ class Correspondence:
     @classmethod
     def _from_core(cls, raw: _core.RawMatch, triangles: Ids, source_count: int) -> Self:
         arrays: dict[str, Any] = {name: getattr(raw, name) for name in ARRAYS}
+        if raw.knows_functional_map:
+            arrays["functional_map"] = raw.functional_map()
         figures = raw.quality
         grade = figures.pop("grade", "amber")
         reasons = figures.pop("reasons", ["the published method does not judge its map"])
         arrays.update(triangles=triangles, source_count=source_count)
         return cls(arrays, Quality(grade, reasons, figures), raw)
+
+    @property
+    def functional_map(self) -> Floats:
+        """(k_target, k_source) coefficients on source → coefficients on target, both in the shapes'
+        public eigenfunctions. For a mesh of more than 20,000 vertices these are computed when this
+        is first asked for, and a file saved before that has no functional map."""
+        if self._functional_map is None:
+            if self._raw is None:
+                raise SgmdsError("the file has no functional map, since none had been asked for: match again")
+            self._functional_map = self._raw.functional_map()
+        return self._functional_map
 
     @property
     def alternative_count(self) -> int:
@@ -101,10 +113,13 @@ class Correspondence:
 
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes an .npz that numpy alone can read."""
+        arrays = {name: getattr(self, name) for name in ARRAYS}
+        if self._functional_map is not None:
+            arrays["functional_map"] = self._functional_map
         archive.write(
             path,
             FORMAT,
-            **{name: getattr(self, name) for name in ARRAYS},
+            **arrays,
             triangles=self._triangles,
             source_count=self._source_count,
             grade=self.quality.grade,

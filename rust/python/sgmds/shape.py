@@ -45,6 +45,10 @@ class Shape:
     Reusable for many pairs. Public arrays are in the mesh's own units and numbering; vertices that
     were dropped (loose ones, smaller components) have zero mass and zero eigenfunctions.
 
+    A mesh of more than 20,000 vertices is matched through a simplified one. Its public arrays are
+    nevertheless those of the given mesh; eigenvalues, eigenfunctions, geodesics and the distance
+    operator are then computed when one of them is first asked for.
+
     Parameters
     ----------
     vertices : (n, 3) array of float
@@ -86,6 +90,11 @@ class Shape:
             self._kept[name] = getattr(self._core, name)
         return self._kept[name]
 
+    def _spectral(self, name: str) -> Floats:
+        if name not in self._kept:
+            self._kept.update(self._core.public_arrays())
+        return self._kept[name]
+
     @property
     def metric(self) -> str:
         """How lengths are measured: "euclidean" or "scale-invariant"."""
@@ -94,12 +103,12 @@ class Shape:
     @property
     def eigenvalues(self) -> Floats:
         """(k,) smallest eigenvalues of the Laplace–Beltrami operator, in 1/length²."""
-        return self._array("eigenvalues")
+        return self._spectral("eigenvalues")
 
     @property
     def eigenfunctions(self) -> Floats:
         """(n, k) eigenfunctions, ``Φᵀ A Φ = I`` with ``A = diag(mass)``."""
-        return self._array("eigenfunctions")
+        return self._spectral("eigenfunctions")
 
     @property
     def mass(self) -> Floats:
@@ -114,12 +123,12 @@ class Shape:
     @property
     def geodesics(self) -> Floats:
         """(s, s) geodesic distances between the samples, in length units."""
-        return self._array("geodesics")
+        return self._spectral("geodesics")
 
     @property
     def distance_operator(self) -> Floats:
         """(q, q) matrix α with ``D ≈ Φ α Φᵀ`` over the first q eigenfunctions."""
-        return self._array("distance_operator")
+        return self._spectral("distance_operator")
 
     @property
     def report(self) -> dict[str, int]:

@@ -79,24 +79,27 @@ impl PreparedShape {
         self.shape.metric.name()
     }
 
-    /// Smallest eigenvalues in 1/length².
-    #[getter]
-    fn eigenvalues<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        let scale = self.shape.unit.powi(-2);
-        let values: Vec<f64> = self.shape.basis.values.iter().map(|l| l * scale).collect();
-        values.into_pyarray(py)
-    }
-
-    /// Eigenfunctions at the given vertices, zero at dropped ones.
-    #[getter]
-    fn eigenfunctions<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, self.shape.given_functions().as_ref())
+    /// Eigenvalues, eigenfunctions, geodesics and distance operator in given numbering and
+    /// units; for a simplified mesh they are computed now.
+    fn public_arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let arrays = watched(py, None, None, |state| self.shape.public_arrays(state))?;
+        let dict = PyDict::new(py);
+        dict.set_item("eigenvalues", arrays.eigenvalues.into_pyarray(py))?;
+        for (name, array) in [
+            ("eigenfunctions", arrays.eigenfunctions),
+            ("geodesics", arrays.geodesics),
+            ("distance_operator", arrays.distance_operator),
+        ] {
+            dict.set_item(name, matrix(py, array.as_ref())?)?;
+        }
+        Ok(dict)
     }
 
     /// Lumped areas at the given vertices.
     #[getter]
-    fn mass<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.shape.given_mass().into_pyarray(py)
+    fn mass<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        let mass = watched(py, None, None, |_| self.shape.given_mass())?;
+        Ok(mass.into_pyarray(py))
     }
 
     /// Samples from which distances were marched.
@@ -105,20 +108,10 @@ impl PreparedShape {
         self.shape.given_samples().into_pyarray(py)
     }
 
-    /// Distances between the samples.
+    /// Vertices of the mesh on which maps are sought.
     #[getter]
-    fn geodesics<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, self.shape.given_geodesics().as_ref())
-    }
-
-    /// Distance operator in the given unit cubed.
-    #[getter]
-    fn distance_operator<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let scale = self.shape.unit.powi(3);
-        matrix(
-            py,
-            (faer::Scale(scale) * &self.shape.distance_operator).as_ref(),
-        )
+    fn working_vertices(&self) -> usize {
+        self.shape.mesh.vertices.len()
     }
 
     /// The costly parts in the order of the checked mesh, at unit area, for `restore`.
@@ -143,7 +136,7 @@ impl PreparedShape {
     /// Given vertices.
     #[getter]
     fn vertex_count(&self) -> usize {
-        self.shape.mesh.input_positions.len()
+        self.shape.given_mesh().input_positions.len()
     }
 
     /// What the intake ignored or mended.
@@ -266,10 +259,22 @@ impl RawMatch {
         self.found.confidence.clone().into_pyarray(py)
     }
 
-    /// α, source coefficients → target coefficients.
-    #[getter]
+    /// α, source coefficients → target coefficients; for a simplified mesh it is computed now.
     fn functional_map<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        matrix(py, self.found.functional_map.as_ref())
+        if !self.found.was_simplified() {
+            return matrix(py, self.found.functional_map.as_ref());
+        }
+        let map = watched(py, None, None, |state| {
+            self.found
+                .full_functional_map(&self.source, &self.target, state)
+        })?;
+        matrix(py, map.as_ref())
+    }
+
+    /// Whether the functional map is known already.
+    #[getter]
+    fn knows_functional_map(&self) -> bool {
+        !self.found.was_simplified()
     }
 
     /// Grade, reasons and figures.

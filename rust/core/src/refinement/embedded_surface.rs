@@ -207,6 +207,21 @@ impl<'a> Side<'a> {
         })
     }
 
+    /// √w times k eigenfunctions of a shape at the given vertices.
+    fn gathered(&self, shape: &Shape, k: usize, vertices: &[u32]) -> Rows {
+        shape.rows.gather_weighted(vertices, &self.weights, k)
+    }
+
+    /// Gram matrix of this shape's own eigenfunctions, `own`, at the asking vertices.
+    fn own_gram(&self, own: &Rows) -> Mat<f64> {
+        if self.asking.len() < self.shape.mesh.vertices.len() {
+            return dense::sum_of_products(own, own);
+        }
+        // All ask, weighted by their areas: orthonormal.
+        let share: f64 = self.weights.iter().sum();
+        Mat::from_fn(own.dims, own.dims, |i, j| if i == j { share } else { 0.0 })
+    }
+
     /// \[spectral part / (√π k), surface, weighted normals, looks, landmarks\]: in the first two a
     /// unit is about a unit of length on the surface, the first because Σλ ≈ 2πk² at unit area.
     fn embed(&mut self, spectral: MatRef<'_, f64>, surface: MatRef<'_, f64>) {
@@ -328,20 +343,15 @@ impl<'a> Refined<'a> {
     /// Low-passed target plus the smooth displacement that brings it onto the source.
     fn displaced(&self, k: usize) -> Result<Mat<f64>> {
         let (t, s) = (&self.target, &self.source);
-        let own = t.weighted_rows(t.basis(k), &t.asking);
-        let answered = s.weighted_rows(t.basis(k), &s.images.vertex);
+        let own = t.gathered(t.shape, k, &t.asking);
+        let answered = s.gathered(t.shape, k, &s.images.vertex);
         let own_shift = &t.weighted_rows(s.smoothed.as_ref(), &t.images.vertex)
             - &t.weighted_rows(t.smoothed.as_ref(), &t.asking);
         let answered_shift = &s.weighted_rows(s.smoothed.as_ref(), &s.asking)
             - &s.weighted_rows(t.smoothed.as_ref(), &s.images.vertex);
-        let mut gram = dense::product(own.transpose(), own.as_ref());
-        dense::add_product(gram.as_mut(), answered.transpose(), answered.as_ref());
-        let mut right = dense::product(own.transpose(), own_shift.as_ref());
-        dense::add_product(
-            right.as_mut(),
-            answered.transpose(),
-            answered_shift.as_ref(),
-        );
+        let gram = &t.own_gram(&own) + &dense::sum_of_products(&answered, &answered);
+        let right = &dense::sum_of_products(&own, &Rows::from_matrix(own_shift.as_ref(), 3))
+            + &dense::sum_of_products(&answered, &Rows::from_matrix(answered_shift.as_ref(), 3));
         let values = &t.shape.basis.values;
         let scale = DISPLACEMENT_RIDGE / values[SMOOTHNESS_PAIR.min(values.len() - 1)];
         let shift = dense::solve_with_ridge(gram, |i| scale * values[i] + 1e-12, right.as_ref())?;
@@ -353,18 +363,13 @@ impl<'a> Refined<'a> {
     /// Bijective least squares for the map at k.
     fn mapped(&self, k: usize) -> Result<Mat<f64>> {
         let (t, s) = (&self.target, &self.source);
-        let asked = t.weighted_rows(t.basis(k), &t.asking);
-        let asked_images = t.weighted_rows(s.basis(k), &t.images.vertex);
-        let answered = s.weighted_rows(s.basis(k), &s.asking);
-        let answered_images = s.weighted_rows(t.basis(k), &s.images.vertex);
-        let mut gram = dense::product(asked_images.transpose(), asked_images.as_ref());
-        dense::add_product(gram.as_mut(), answered.transpose(), answered.as_ref());
-        let mut right = dense::product(asked_images.transpose(), asked.as_ref());
-        dense::add_product(
-            right.as_mut(),
-            answered.transpose(),
-            answered_images.as_ref(),
-        );
+        let asked = t.gathered(t.shape, k, &t.asking);
+        let asked_images = t.gathered(s.shape, k, &t.images.vertex);
+        let answered = s.gathered(s.shape, k, &s.asking);
+        let answered_images = s.gathered(t.shape, k, &s.images.vertex);
+        let gram = &dense::sum_of_products(&asked_images, &asked_images) + &s.own_gram(&answered);
+        let right = &dense::sum_of_products(&asked_images, &asked)
+            + &dense::sum_of_products(&answered, &answered_images);
         dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())
     }
 

@@ -4,7 +4,7 @@
 //! Linear in the number of vertices where an exhaustive search is quadratic. The sweeps run in a
 //! fixed order on one thread, so that the result does not depend on the number of threads.
 
-use crate::dense::Rows;
+use crate::dense::{Rows, vectorised};
 use crate::mesh::Adjacency;
 
 /// Most sweeps until nothing changes.
@@ -35,6 +35,18 @@ impl Images {
     /// which of the asking ones are neighbours, `answering` the other shape's rows and edges. Only
     /// the first `answers` vertices may answer.
     pub fn settle(
+        &mut self,
+        ids: &[u32],
+        asking: (&Rows, &Adjacency),
+        answering: (&Rows, &Adjacency),
+        answers: usize,
+        sweeps: usize,
+    ) {
+        vectorised(|| self.settle_in_lanes(ids, asking, answering, answers, sweeps));
+    }
+
+    #[inline(always)]
+    fn settle_in_lanes(
         &mut self,
         ids: &[u32],
         asking: (&Rows, &Adjacency),
@@ -74,6 +86,7 @@ impl Images {
     }
 
     /// Tries the images of mesh neighbours, then walks downhill on the answering shape.
+    #[inline(always)]
     fn improve(
         &mut self,
         i: usize,
@@ -116,6 +129,7 @@ impl Images {
 
 /// ‖a − b‖², or anything above `limit` once it exceeds that.
 #[must_use]
+#[inline(always)]
 pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
     const LANES: usize = 16;
     const BLOCK: usize = 64;

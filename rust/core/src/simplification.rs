@@ -1,0 +1,435 @@
+//! A coarse version of a fine mesh: few vertices, evenly spread, all of them given ones.
+//!
+//! The maps that are sought are smooth: a spectrum of 150 eigenfunctions has no detail below a
+//! tenth of √area, so that a mesh of some ten thousand vertices shows it as well as one of a
+//! million.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use crate::error::{Error, Result};
+use crate::mesh::Mesh;
+use crate::vector::{self, Point};
+
+/// Worst triangle a collapse may leave: quality (1 for equilateral) times the cosine by which its
+/// normal turns.
+const LEAST_QUALITY: f64 = 0.1;
+/// A vertex that cannot be removed waits until the others' stars have grown by this.
+const PATIENCE: f32 = 1.5;
+/// Vertices with more faces stay: their star would cost too much to look at.
+const LARGEST_STAR: usize = 40;
+/// Collapses between two looks at whether to stop.
+const COLLAPSES_A_CHECK: usize = 4096;
+
+const NONE: u32 = u32::MAX;
+
+/// What is left of a mesh.
+#[derive(Debug)]
+pub struct Simplified {
+    /// Vertices of the fine mesh that are kept, ascending.
+    pub kept: Vec<u32>,
+    /// Triangles, numbers within `kept`.
+    pub faces: Vec<[u32; 3]>,
+    /// Number within `kept` of the vertex that each fine vertex was merged into.
+    pub anchor: Vec<u32>,
+}
+
+/// Collapses edges until `wanted` vertices are left, or none can go.
+///
+/// Vertices go in the order of the area around them, the smallest first, each into that neighbour
+/// which leaves the best shaped triangles; so the rest is spread evenly. The topology stays: an
+/// edge is collapsed only when its ends have no common neighbours but those across it, boundaries
+/// shrink along themselves, and vertices at non-manifold edges stay. Memory: 40 bytes a vertex
+/// and 28 a face. The result does not depend on the number of threads.
+///
+/// # Errors
+/// [`Error::Cancelled`].
+///
+/// # Source
+/// The link condition is that of Dey, Edelsbrunner, Guha, Nekhayev, "Topology preserving edge
+/// contraction", 1999.
+pub fn simplified(
+    mesh: &Mesh,
+    wanted: usize,
+    cancelled: &(dyn Fn() -> bool + Sync),
+) -> Result<Simplified> {
+    let mut collapser = Collapser::new(&mesh.vertices, &mesh.faces);
+    collapser.reduce(wanted, cancelled)?;
+    Ok(collapser.finished())
+}
+
+/// A mesh that loses vertices.
+struct Collapser<'a> {
+    positions: &'a [Point],
+    /// Corners of each face; a dead one has `NONE` in front.
+    faces: Vec<[u32; 3]>,
+    /// First corner (three times the face, plus its place there) of each vertex, and the next one.
+    head: Vec<u32>,
+    next: Vec<u32>,
+    /// Which vertex a removed one was merged into; itself for the others.
+    merged: Vec<u32>,
+    /// Twice the area of the faces around each vertex.
+    star: Vec<f32>,
+    /// Marks of the vertices around the vertex at hand.
+    stamp: Vec<u32>,
+    now: u32,
+    fan: Fan,
+}
+
+/// The faces around a vertex u in order: (u, x, y) for each.
+#[derive(Default)]
+struct Fan {
+    faces: Vec<u32>,
+    edges: Vec<[u32; 2]>,
+    /// Vertices around, in order; an open fan has one more than edges.
+    ring: Vec<u32>,
+    open: bool,
+    /// Score and number in the ring of possible collapses.
+    choices: Vec<(f64, usize)>,
+}
+
+impl<'a> Collapser<'a> {
+    fn new(positions: &'a [Point], faces: &[[u32; 3]]) -> Self {
+        let n = positions.len();
+        let mut collapser = Self {
+            positions,
+            faces: faces.to_vec(),
+            head: vec![NONE; n],
+            next: vec![NONE; 3 * faces.len()],
+            merged: (0..n as u32).collect(),
+            star: vec![0.0; n],
+            stamp: vec![0; n],
+            now: 0,
+            fan: Fan::default(),
+        };
+        for (f, corners) in faces.iter().enumerate() {
+            let area = vector::norm(normal(corners.map(|v| positions[v as usize]))) as f32;
+            for (i, &v) in corners.iter().enumerate() {
+                let corner = (3 * f + i) as u32;
+                collapser.next[corner as usize] = collapser.head[v as usize];
+                collapser.head[v as usize] = corner;
+                collapser.star[v as usize] += area;
+            }
+        }
+        collapser
+    }
+
+    fn reduce(&mut self, wanted: usize, cancelled: &(dyn Fn() -> bool + Sync)) -> Result<()> {
+        let mut left = self.positions.len();
+        let total: f32 = self.star.iter().sum();
+        // Bits of non-negative floats are in the order of the floats.
+        let mut queue: BinaryHeap<Reverse<(u32, u32)>> = (0..left as u32)
+            .map(|v| Reverse((self.star[v as usize].to_bits(), v)))
+            .collect();
+        let mut steps = 0usize;
+        while left > wanted
+            && let Some(Reverse((bits, v))) = queue.pop()
+        {
+            steps += 1;
+            if steps.is_multiple_of(COLLAPSES_A_CHECK) && cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let key = f32::from_bits(bits);
+            let star = self.star[v as usize];
+            if star > key {
+                queue.push(Reverse((star.to_bits(), v)));
+            } else if self.remove(v) {
+                left -= 1;
+            } else {
+                let later = key * PATIENCE;
+                if later > 0.0 && later < total {
+                    self.star[v as usize] = self.star[v as usize].max(later);
+                    queue.push(Reverse((later.to_bits(), v)));
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Merges a vertex into a neighbour; false when that would harm the surface.
+    fn remove(&mut self, u: u32) -> bool {
+        let mut fan = std::mem::take(&mut self.fan);
+        let done = self.gather(u, &mut fan) && self.merge_into_best(u, &mut fan);
+        self.fan = fan;
+        done
+    }
+
+    /// The fan around a vertex; false when it is not one.
+    fn gather(&mut self, u: u32, fan: &mut Fan) -> bool {
+        fan.faces.clear();
+        fan.edges.clear();
+        fan.ring.clear();
+        let mut corner = self.head[u as usize];
+        while corner != NONE {
+            let (f, i) = (corner as usize / 3, corner as usize % 3);
+            let c = self.faces[f];
+            if c[0] != NONE {
+                if fan.faces.len() == LARGEST_STAR {
+                    return false;
+                }
+                fan.faces.push(f as u32);
+                fan.edges.push([c[(i + 1) % 3], c[(i + 2) % 3]]);
+            }
+            corner = self.next[corner as usize];
+        }
+        if fan.edges.len() < 2 {
+            return false;
+        }
+        // An open fan starts with the edge that none precedes.
+        let starts = |fan: &Fan| {
+            (0..fan.edges.len())
+                .filter(|&e| fan.edges.iter().all(|other| other[1] != fan.edges[e][0]))
+                .count()
+        };
+        fan.open = match starts(fan) {
+            0 => false,
+            1 => true,
+            _ => return false,
+        };
+        if fan.open
+            && let Some(first) = (0..fan.edges.len())
+                .find(|&e| fan.edges.iter().all(|other| other[1] != fan.edges[e][0]))
+        {
+            fan.edges.swap(0, first);
+            fan.faces.swap(0, first);
+        }
+        for at in 1..fan.edges.len() {
+            let from = fan.edges[at - 1][1];
+            let Some(found) = (at..fan.edges.len()).find(|&e| fan.edges[e][0] == from) else {
+                return false;
+            };
+            fan.edges.swap(at, found);
+            fan.faces.swap(at, found);
+        }
+        fan.ring.extend(fan.edges.iter().map(|e| e[0]));
+        let last = fan.edges[fan.edges.len() - 1][1];
+        if fan.open {
+            fan.ring.push(last);
+        } else if last != fan.ring[0] {
+            return false;
+        }
+        // A vertex that comes twice belongs to a non-manifold edge.
+        self.now += 1;
+        fan.ring
+            .iter()
+            .all(|&v| std::mem::replace(&mut self.stamp[v as usize], self.now) != self.now)
+    }
+
+    fn merge_into_best(&mut self, u: u32, fan: &mut Fan) -> bool {
+        let count = fan.ring.len();
+        fan.choices.clear();
+        for at in 0..count {
+            // A boundary vertex moves along its boundary only.
+            if fan.open && at != 0 && at != count - 1 {
+                continue;
+            }
+            let score = self.score(u, at, fan);
+            if score >= LEAST_QUALITY {
+                fan.choices.push((score, at));
+            }
+        }
+        fan.choices
+            .sort_unstable_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+        for c in 0..fan.choices.len() {
+            let v = fan.ring[fan.choices[c].1];
+            if self.keeps_topology(u, v, fan) {
+                self.merge(u, v, fan);
+                return true;
+            }
+        }
+        false
+    }
+
+    /// The worst triangle after merging `u` into a vertex of its ring.
+    fn score(&self, u: u32, at: usize, fan: &Fan) -> f64 {
+        let to = fan.ring[at];
+        let (p, q) = (self.positions[u as usize], self.positions[to as usize]);
+        let mut worst = 1.0f64;
+        for &[x, y] in &fan.edges {
+            if x == to || y == to {
+                continue;
+            }
+            let (x, y) = (self.positions[x as usize], self.positions[y as usize]);
+            let (before, after) = (normal([p, x, y]), normal([q, x, y]));
+            let (old, new) = (vector::norm(before), vector::norm(after));
+            let squares = [(q, x), (x, y), (y, q)].map(|(a, b)| {
+                let d = vector::sub(a, b);
+                vector::dot(d, d)
+            });
+            let quality = 2.0 * 3.0f64.sqrt() * new / (squares[0] + squares[1] + squares[2]);
+            let turned = if old > 0.0 {
+                vector::dot(before, after) / (old * new)
+            } else {
+                1.0
+            };
+            let score = quality * turned;
+            // Written so that NaN of a vanished triangle fails.
+            worst = if score >= worst {
+                worst
+            } else if score > 0.0 {
+                score
+            } else {
+                return 0.0;
+            };
+        }
+        worst
+    }
+
+    /// The link condition. The ring of `u` is stamped.
+    fn keeps_topology(&mut self, u: u32, v: u32, fan: &Fan) -> bool {
+        let ring = self.now;
+        let across = if fan.open { 1 } else { 2 };
+        let closes = fan.edges.len() == 3 && !fan.open;
+        self.now += 1;
+        let mut common = 0;
+        let mut corner = self.head[v as usize];
+        while corner != NONE {
+            let (f, i) = (corner as usize / 3, corner as usize % 3);
+            let c = self.faces[f];
+            if c[0] != NONE {
+                let others = [c[(i + 1) % 3], c[(i + 2) % 3]];
+                // The three faces of a vertex become one, which must not be there already.
+                if closes && others.iter().all(|&x| x != u && fan.ring.contains(&x)) {
+                    self.restamp(fan);
+                    return false;
+                }
+                for x in others {
+                    if x != u && self.stamp[x as usize] == ring {
+                        self.stamp[x as usize] = self.now;
+                        common += 1;
+                    }
+                }
+            }
+            corner = self.next[corner as usize];
+        }
+        self.restamp(fan);
+        common == across
+    }
+
+    /// Stamps the ring again, for the next choice.
+    fn restamp(&mut self, fan: &Fan) {
+        self.now += 1;
+        for &x in &fan.ring {
+            self.stamp[x as usize] = self.now;
+        }
+    }
+
+    fn merge(&mut self, u: u32, v: u32, fan: &Fan) {
+        let twice_area =
+            |corners: [u32; 3]| vector::norm(normal(corners.map(|c| self.positions[c as usize])));
+        let mut grown = 0.0;
+        let mut changes = [0f32; LARGEST_STAR];
+        for (change, &[x, y]) in changes.iter_mut().zip(&fan.edges) {
+            let old = twice_area([u, x, y]);
+            let vanishes = x == v || y == v;
+            let new = if vanishes { 0.0 } else { twice_area([v, x, y]) };
+            *change = (new - old) as f32;
+            grown += if vanishes { -old } else { new };
+        }
+        for (change, edge) in changes.iter().zip(&fan.edges) {
+            for &w in edge.iter().filter(|&&w| w != v) {
+                self.star[w as usize] += change;
+            }
+        }
+        self.star[v as usize] += grown as f32;
+        for &f in &fan.faces {
+            let corners = &mut self.faces[f as usize];
+            if corners.contains(&v) {
+                corners[0] = NONE;
+            } else {
+                for c in corners.iter_mut().filter(|c| **c == u) {
+                    *c = v;
+                }
+            }
+        }
+        self.unlink_dead(v);
+        for &x in &fan.ring {
+            if x != v {
+                self.unlink_dead(x);
+            }
+        }
+        // What is left of u's corners goes in front of v's.
+        let mut tail = NONE;
+        let mut corner = self.head[u as usize];
+        let mut first = NONE;
+        while corner != NONE {
+            let after = self.next[corner as usize];
+            if self.faces[corner as usize / 3][0] != NONE {
+                if tail == NONE {
+                    first = corner;
+                } else {
+                    self.next[tail as usize] = corner;
+                }
+                tail = corner;
+            }
+            corner = after;
+        }
+        if tail != NONE {
+            self.next[tail as usize] = self.head[v as usize];
+            self.head[v as usize] = first;
+        }
+        self.head[u as usize] = NONE;
+        self.merged[u as usize] = v;
+    }
+
+    /// Takes dead faces out of a vertex's list.
+    fn unlink_dead(&mut self, v: u32) {
+        let mut tail = NONE;
+        let mut corner = self.head[v as usize];
+        self.head[v as usize] = NONE;
+        while corner != NONE {
+            let after = self.next[corner as usize];
+            if self.faces[corner as usize / 3][0] != NONE {
+                if tail == NONE {
+                    self.head[v as usize] = corner;
+                } else {
+                    self.next[tail as usize] = corner;
+                }
+                tail = corner;
+            }
+            corner = after;
+        }
+        if tail != NONE {
+            self.next[tail as usize] = NONE;
+        }
+    }
+
+    fn finished(mut self) -> Simplified {
+        let n = self.positions.len();
+        let mut number = vec![NONE; n];
+        let mut kept = Vec::new();
+        for v in 0..n as u32 {
+            if self.merged[v as usize] == v {
+                number[v as usize] = kept.len() as u32;
+                kept.push(v);
+            }
+        }
+        let anchor = (0..n as u32)
+            .map(|v| {
+                let mut root = v;
+                while self.merged[root as usize] != root {
+                    let up = self.merged[root as usize];
+                    self.merged[root as usize] = self.merged[up as usize];
+                    root = up;
+                }
+                number[root as usize]
+            })
+            .collect();
+        let faces = self
+            .faces
+            .iter()
+            .filter(|f| f[0] != NONE)
+            .map(|f| f.map(|v| number[v as usize]))
+            .collect();
+        Simplified {
+            kept,
+            faces,
+            anchor,
+        }
+    }
+}
+
+/// Twice the area of a triangle times its normal.
+fn normal([a, b, c]: [Point; 3]) -> Point {
+    vector::cross(vector::sub(b, a), vector::sub(c, a))
+}
