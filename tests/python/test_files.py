@@ -108,3 +108,40 @@ def test_bad_files_name_file_and_reason(tmp_path, name, data, reason):
 def test_missing_file(tmp_path):
     with pytest.raises(MeshError, match="No such file"):
         read_mesh(tmp_path / "none.off")
+
+
+def area(vertices, faces):
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+
+HOLLOW = {
+    # An L, an arrow, a ring whose hole is joined to the outside by a double edge, a point on an edge.
+    "l": ([(0, 0), (3, 0), (3, 1), (1, 1), (1, 3), (0, 3)], None, 5),
+    "arrow": ([(0, 0), (2, -2), (1, 0), (2, 2)], None, 2),
+    "ring": (
+        [(0, 0), (4, 0), (4, 4), (0, 4), (1, 1), (1, 3), (3, 3), (3, 1)],
+        [0, 1, 2, 3, 0, 4, 5, 6, 7, 4],
+        12,
+    ),
+    "point on an edge": ([(0, 0), (1, 0), (2, 0), (2, 2), (0, 2)], None, 4),
+}
+
+
+@pytest.mark.parametrize("name", HOLLOW)
+@pytest.mark.parametrize("turn", [0, 1, 3])
+@pytest.mark.parametrize("plane", [(0, 1, 2), (2, 0, 1), (1, 2, 0), (1, 0, 2)])
+def test_hollow_polygons_are_covered_once(tmp_path, name, turn, plane):
+    points, order, expected = HOLLOW[name]
+    order = np.roll(order or range(len(points)), turn)
+    corners = np.insert(np.array(points, float), 2, 0.5, axis=1)[:, plane]
+    path = tmp_path / "polygon.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in corners] + ["f " + " ".join(str(i + 1) for i in order)]
+    path.write_text("\n".join(lines))
+    vertices, faces = read_mesh(path)
+    assert len(faces) == len(order) - 2 and set(faces.ravel()) == set(order)
+    a, b, c = (vertices[faces[:, i]] for i in range(3))
+    normals = np.cross(b - a, c - a)
+    # No triangle is turned over, so equal areas mean that nothing is covered twice.
+    assert area(vertices, faces) == pytest.approx(expected)
+    assert np.linalg.norm(normals.sum(axis=0)) / 2 == pytest.approx(expected)

@@ -36,9 +36,10 @@ def mesh_name(path) -> str:
 def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) float64 and triangles (m, 3) int64 of a mesh file.
 
-    Polygons are cut into fans from their first corner. Vertices keep the order of the file, unused ones too.
-    STL has no vertices of its own, only corners: equal ones are joined, in order of first appearance. A GLB
-    scene comes in world space, its meshes one after the other.
+    Polygons of an OBJ are triangulated as they lie in space, also hollow ones and those with holes that a
+    double edge joins to the outside; polygons of other formats are cut into fans. Vertices keep the order of
+    the file, unused ones too. STL has no vertices of its own, only corners: equal ones are joined, in order
+    of first appearance. A GLB scene comes in world space, its meshes one after the other.
 
     Raises `MeshError` naming the file and the reason; what a mesh must satisfy to be matched is checked by
     `Shape`.
@@ -77,7 +78,7 @@ def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
 
 def _obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     positions: list[tuple[float, float, float]] = []
-    corners: list[tuple[int, int, int]] = []
+    polygons: list[list[int]] = []
     continued = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
     for number, line in enumerate(continued.split(b"\n"), start=1):
         words = line.split()
@@ -90,11 +91,75 @@ def _obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
                 ids = [int(word.split(b"/", 1)[0]) for word in words[1:]]
                 # OBJ counts from 1; negative ids count back from the last vertex so far.
                 ids = [i - 1 if i > 0 else len(positions) + i for i in ids]
-                corners.extend((ids[0], ids[k], ids[k + 1]) for k in range(1, len(ids) - 1))
+                if len(ids) > 2:
+                    polygons.append(ids)
         except (ValueError, IndexError) as error:
             raise ValueError(f"line {number} is not understood") from error
     vertices = np.array(positions, dtype=np.float64).reshape(-1, 3)
-    return vertices, np.array(corners, dtype=np.int64).reshape(-1, 3)
+    return vertices, _triangulated(vertices, polygons)
+
+
+def _triangulated(vertices: np.ndarray, polygons: list[list[int]]) -> np.ndarray:
+    """Triangles of polygons, in their order: fans where the polygon is convex, else ears are cut."""
+    sizes = np.array([len(p) for p in polygons], dtype=np.int64)
+    first = np.concatenate([[0], np.cumsum(sizes - 2)])
+    triangles = np.zeros((first[-1], 3), dtype=np.int64)
+    for size in np.unique(sizes).tolist():
+        chosen = np.flatnonzero(sizes == size)
+        group = np.array([polygons[i] for i in chosen])
+        for k in range(1, size - 1):
+            triangles[first[chosen] + k - 1] = group[:, [0, k, k + 1]]
+        known = (group.min(axis=1) >= 0) & (group.max(axis=1) < len(vertices))
+        if size == 3 or not known.any():
+            # An id that is out of range is reported by the caller.
+            continue
+        chosen, group = chosen[known], group[known]
+        points = vertices[group]
+        with np.errstate(all="ignore"):
+            points = points - points.mean(axis=1, keepdims=True)
+            edges = np.roll(points, -1, axis=1) - points
+            turns = np.cross(edges, np.roll(edges, -1, axis=1))
+            # Newell's normal: right for polygons that are hollow or not quite plane.
+            normals = np.cross(points, np.roll(points, -1, axis=1)).sum(axis=1)
+            along = np.einsum("pkc,pc->pk", turns, normals)
+            hollow = along.min(axis=1) < -1e-9 * np.abs(along).max(axis=1)
+        for i in np.flatnonzero(hollow):
+            ears = _ears(points[i], normals[i])
+            triangles[first[chosen[i]] : first[chosen[i]] + size - 2] = group[i][ears]
+    return triangles
+
+
+def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
+    """Triangles (k − 2, 3) of a polygon of k corners, projected along its normal, by cutting ears off.
+
+    The ear with the shortest cut goes first. A polygon that crosses itself still gives k − 2 triangles.
+    """
+    axis = np.argmax(np.abs(normal))
+    flat = np.delete(points, axis, axis=1) * (1, 1 if (normal[axis] > 0) == (axis != 1) else -1)
+    left = list(range(len(flat)))
+    triangles: list[tuple[int, ...]] = []
+
+    def turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+        return (b[..., 0] - a[..., 0]) * (c[..., 1] - a[..., 1]) - (b[..., 1] - a[..., 1]) * (
+            c[..., 0] - a[..., 0]
+        )
+
+    while len(left) > 3:
+        best = (True, np.inf, 0)
+        for k in range(len(left)):
+            ids = left[k - 1], left[k], left[(k + 1) % len(left)]
+            a, b, c = flat[list(ids)]
+            others = flat[[v for v in left if v not in ids]]
+            inside = (turn(a, b, others) >= 0) & (turn(b, c, others) >= 0) & (turn(c, a, others) >= 0)
+            # A bridge to a hole passes its ends twice: a double of a corner is not inside.
+            inside &= ~((others[:, None] == (a, b, c)).all(axis=2).any(axis=1))
+            bad = turn(a, b, c) <= 0 or inside.any()
+            best = min(best, (bool(bad), float(((c - a) ** 2).sum()), k))
+        k = best[2]
+        triangles.append((left[k - 1], left[k], left[(k + 1) % len(left)]))
+        del left[k]
+    triangles.append(tuple(left))
+    return np.array(triangles)
 
 
 def _through_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
