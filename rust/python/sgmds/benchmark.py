@@ -131,6 +131,7 @@ def measure(path: str, runs: int, peers: bool) -> None:
         times["prepare"].append(time.perf_counter() - started)
         stages.finish()
         shapes.append(sgmds.Shape(*target))
+        stages.resume()
         started = time.perf_counter()
         sgmds.match(*shapes, progress=stages)
         times["match_prepared"].append(time.perf_counter() - started)
@@ -231,6 +232,9 @@ class _StageClock:
 
     def finish(self):
         self("start", 1.0)
+
+    def resume(self):
+        self._since = time.perf_counter()
 
 
 def _python(code: str, threads: int | None = None, limit: float | None = None):
