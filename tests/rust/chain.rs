@@ -5,7 +5,7 @@ mod common;
 use std::sync::Arc;
 
 use sgmds_core::Error;
-use sgmds_core::matching::{Correspondence, Method, Options, match_shapes};
+use sgmds_core::matching::{self, Correspondence, Method, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
 use sgmds_core::metric::Metric;
 use sgmds_core::pair::{Mirror, Shares};
@@ -76,6 +76,27 @@ fn a_constant_is_carried_exactly_by_the_functional_map() {
     for i in 1..alpha.nrows() {
         assert!(alpha[(i, 0)].abs() < 1e-6, "row {i}: {}", alpha[(i, 0)]);
     }
+}
+
+#[test]
+fn energy_of_a_map_vanishes_for_an_isometry_whatever_the_units() {
+    let source = lumpy(3);
+    let (vertices, faces, _) = disguised(&source, 3.0);
+    let (a, b) = (prepared(&source.0, &source.1), prepared(&vertices, &faces));
+    let alpha = found(&a, &b, &Options::default()).functional_map;
+    let energy = matching::energy(&a, &b, alpha.as_ref()).unwrap();
+    // The fit's ridge of 1e-3 shortens α by about as much, which enters squared.
+    assert!(energy < 1e-4, "{energy}");
+    // Half of the functions turned: no isometry.
+    let turned = faer::Mat::from_fn(alpha.nrows(), alpha.ncols(), |i, j| {
+        if j % 2 == 0 {
+            alpha[(i, j)]
+        } else {
+            -alpha[(i, j)]
+        }
+    });
+    let other = matching::energy(&a, &b, turned.as_ref()).unwrap();
+    assert!(other > 0.01, "{other}");
 }
 
 #[test]
