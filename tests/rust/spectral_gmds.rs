@@ -30,6 +30,7 @@ impl Sphere {
             &self.mass,
             &self.samples,
             self.fields.as_ref(),
+            &|| Ok(()),
         )
         .unwrap()
     }

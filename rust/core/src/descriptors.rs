@@ -3,7 +3,9 @@
 use faer::{Mat, MatRef};
 
 use crate::dense::{self, Rows};
+use crate::error::Result;
 use crate::mesh::{self, Mesh};
+use crate::progress::Check;
 use crate::vector;
 
 /// Energies at which the wave kernel is evaluated.
@@ -46,7 +48,9 @@ impl Descriptors {
     /// # Source
     /// Aubry, Schlickewei, Cremers, "The Wave Kernel Signature", 2011, here normalised by the area
     /// mean and on a logarithmic scale.
-    #[must_use]
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`] when `check` says so.
     pub fn new(
         mesh: &Mesh,
         stiffness: &sprs::CsMat<f64>,
@@ -54,9 +58,11 @@ impl Descriptors {
         length_factors: &[f64],
         values: &[f64],
         functions: MatRef<'_, f64>,
-    ) -> Self {
+        check: Check<'_>,
+    ) -> Result<Self> {
         let n = mesh.vertices.len();
-        let waves = wave_kernel(mass, values, functions);
+        let waves = wave_kernel(mass, values, functions, check)?;
+        check()?;
         let raw = mean_curvature(mesh, stiffness, mass, length_factors);
         let coarse = diffused(&raw, mass, values, functions, CURVATURE_HEAT_TIME);
         let power: f64 = mass.iter().zip(&coarse).map(|(a, h)| a * h * h).sum();
@@ -69,6 +75,7 @@ impl Descriptors {
             }
             row[WAVE_ENERGIES] = (coarse[i] / scale) as f32;
         }
+        check()?;
         let curvatures = smoothed_curvatures(mesh, mass, values, functions);
         let wave_weight = DETAIL_WAVE_WEIGHT * (DETAIL_WAVE_STEP as f64).sqrt();
         let detail = Mat::from_fn(
@@ -83,7 +90,7 @@ impl Descriptors {
                 value as f32
             },
         );
-        Self { rows, detail }
+        Ok(Self { rows, detail })
     }
 }
 
@@ -117,7 +124,12 @@ fn smoothed_curvatures(
 }
 
 /// ln of the wave kernel relative to its area mean, `(n, 60)`, of unit variance in all.
-fn wave_kernel(mass: &[f64], values: &[f64], functions: MatRef<'_, f64>) -> Mat<f64> {
+fn wave_kernel(
+    mass: &[f64],
+    values: &[f64],
+    functions: MatRef<'_, f64>,
+    check: Check<'_>,
+) -> Result<Mat<f64>> {
     let n = functions.nrows();
     let pairs = WAVE_PAIRS.min(values.len());
     let logs: Vec<f64> = values[1..pairs].iter().map(|l| l.max(1e-12).ln()).collect();
@@ -137,9 +149,11 @@ fn wave_kernel(mass: &[f64], values: &[f64], functions: MatRef<'_, f64>) -> Mat<
         }
     }
     let squares = Mat::from_fn(n, pairs - 1, |i, j| functions[(i, j + 1)].powi(2));
+    check()?;
     let mut waves = dense::product(squares.as_ref(), bands.as_ref());
     let mut variance = 0.0;
     for r in 0..WAVE_ENERGIES {
+        check()?;
         let column = waves.col_as_slice_mut(r);
         let mean: f64 = mass.iter().zip(&*column).map(|(a, w)| a * w).sum();
         for w in column.iter_mut() {
@@ -162,7 +176,7 @@ fn wave_kernel(mass: &[f64], values: &[f64], functions: MatRef<'_, f64>) -> Mat<
             *w *= scale;
         }
     }
-    waves
+    Ok(waves)
 }
 
 /// ½ n·(A⁻¹WV), positive where the surface bulges outward, clipped.

@@ -4,6 +4,7 @@ use faer::{Mat, MatRef, Side};
 
 use crate::dense;
 use crate::error::{Error, Result};
+use crate::progress::Check;
 
 /// Weight of the Dirichlet term against the data when whole distance fields are known: ten times
 /// more or less changes the reconstruction error in its third digit only.
@@ -21,13 +22,15 @@ pub const DATA_PENALTY: f64 = 1e4;
 /// Dirichlet energy. Returns `(k, k)`, symmetric, in units of length³.
 ///
 /// # Errors
-/// [`Error::NotFactorised`] when the samples do not determine the interpolation.
+/// [`Error::NotFactorised`] when the samples do not determine the interpolation;
+/// [`Error::Cancelled`].
 pub fn from_fields(
     basis: MatRef<'_, f64>,
     values: &[f64],
     mass: &[f64],
     samples: &[u32],
     fields: MatRef<'_, f32>,
+    check: Check<'_>,
 ) -> Result<Mat<f64>> {
     /// Fields held in double precision at a time.
     const BLOCK: usize = 16;
@@ -36,6 +39,7 @@ pub fn from_fields(
     let mut projected = Mat::zeros(samples.len(), k);
     let mut block = Mat::zeros(n, BLOCK);
     for from in (0..samples.len()).step_by(BLOCK) {
+        check()?;
         let count = BLOCK.min(samples.len() - from);
         for j in 0..count {
             let field = fields.col(from + j);

@@ -12,7 +12,7 @@ use crate::geodesics;
 use crate::mesh::{Adjacency, Mesh};
 use crate::metric::{Measured, Metric};
 use crate::pointwise_map::{SurfacePoint, closest_weights};
-use crate::progress::Progress;
+use crate::progress::{Check, Progress};
 use crate::simplification::simplified;
 use crate::vector::{self, Point};
 
@@ -96,8 +96,11 @@ impl FullResolution {
             .par_iter()
             .zip(mesh.vertex_normals().par_iter())
             .zip(&coarse.anchor)
-            .map(|((&p, &normal), &anchor)| ground.closest(p, normal, number[anchor as usize]))
-            .collect();
+            .map(|((&p, &normal), &anchor)| {
+                progress.check()?;
+                Ok(ground.closest(p, normal, number[anchor as usize]))
+            })
+            .collect::<Result<_>>()?;
         let on_face = Adjacency::from_lists(
             working.faces.len(),
             points.iter().zip(0..).map(|(p, v)| (p.face, v)),
@@ -145,8 +148,15 @@ impl FullResolution {
     }
 
     /// Points of the simplified mesh as points of the given one.
-    #[must_use]
-    pub fn located(&self, points: &[SurfacePoint], working: &Mesh) -> Vec<SurfacePoint> {
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn located(
+        &self,
+        points: &[SurfacePoint],
+        working: &Mesh,
+        check: Check<'_>,
+    ) -> Result<Vec<SurfacePoint>> {
         let ground = Ground {
             vertices: &self.mesh.vertices,
             faces: &self.mesh.faces,
@@ -155,6 +165,7 @@ impl FullResolution {
         points
             .par_iter()
             .map(|point| {
+                check()?;
                 let corners = working.faces[point.face as usize].map(|v| self.kept[v as usize]);
                 let [a, b, c] = corners.map(|v| self.mesh.vertices[v as usize]);
                 let place = (0..3).fold([0.0; 3], |sum, i| {
@@ -172,7 +183,7 @@ impl FullResolution {
                                 if apart(v) < apart(best) { v } else { best }
                             },
                         );
-                ground.closest(place, normal, start)
+                Ok(ground.closest(place, normal, start))
             })
             .collect()
     }
@@ -215,6 +226,7 @@ impl FullResolution {
             &laplacian.mass,
             &samples,
             fields.as_ref(),
+            &|| progress.check(),
         )?;
         let spectrum = Arc::new(FullSpectrum {
             basis,

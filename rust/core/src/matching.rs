@@ -15,10 +15,10 @@ use crate::error::{Error, Result};
 use crate::full_resolution::FullSpectrum;
 use crate::hints::Hints;
 use crate::map_search::{self, SampledPair, Width};
-use crate::nearest::nearest;
+use crate::nearest::nearest_unless;
 use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
 use crate::pointwise_map::{self, SurfacePoint};
-use crate::progress::Progress;
+use crate::progress::{Check, Progress};
 use crate::quality;
 use crate::refinement::embedded_surface::{self, Refined, Side};
 use crate::selection::{self, Figures, Hypothesis};
@@ -322,8 +322,9 @@ fn clearest(
     });
     selection::compare_with_chosen(pair.source, best, &mut hypotheses);
     let chosen = hypotheses.remove(best);
-    let mut found = completed.swap_remove(best).finished(pair, &chosen)?;
-    progress.check()?;
+    let mut found = completed
+        .swap_remove(best)
+        .finished(pair, &chosen, progress)?;
     found.others = hypotheses;
     Ok(found)
 }
@@ -407,8 +408,8 @@ pub fn completed(
         hints,
         left_out: LeftOut::default(),
     };
-    let mut found =
-        completed_and_ranked(&pair, hypothesis, progress, report)?.finished(&pair, hypothesis)?;
+    let mut found = completed_and_ranked(&pair, hypothesis, progress, report)?
+        .finished(&pair, hypothesis, progress)?;
     found.hints = Arc::clone(hints);
     Ok(found)
 }
@@ -426,7 +427,12 @@ struct Completed<'a> {
 
 impl Completed<'_> {
     /// The dense map, with what is known of it.
-    fn finished(self, pair: &Pair<'_>, hypothesis: &Hypothesis) -> Result<Correspondence> {
+    fn finished(
+        self,
+        pair: &Pair<'_>,
+        hypothesis: &Hypothesis,
+        progress: &Progress,
+    ) -> Result<Correspondence> {
         let (asking, answering) = (&self.state.target, &self.state.source);
         let mut found = dense_map(
             pair.source,
@@ -435,6 +441,7 @@ impl Completed<'_> {
             (&answering.rows, &answering.images.vertex),
             &self.distortion,
             &pair.hints.landmarks,
+            progress,
         )?;
         found.figures = Some(Figures {
             agreement: curvature_agreement(pair.target, pair.source, &self.images),
@@ -534,10 +541,11 @@ fn embedded(
     report("dense map", 0.5)?;
     let images = |from: &Shape, a: &Rows, to: &Shape, b: &Rows| {
         let real = |s: &Shape| (0..s.mesh.surface_vertices as u32).collect::<Vec<_>>();
-        nearest(&a.gather(&real(from)), &b.gather(&real(to)))
+        let (asking, answering) = (a.gather(&real(from)), b.gather(&real(to)));
+        nearest_unless(&asking, &answering, &|| progress.check())
     };
-    let on_source = images(target, &embedding.target, source, &embedding.source);
-    let on_target = images(source, &embedding.source, target, &embedding.target);
+    let on_source = images(target, &embedding.target, source, &embedding.source)?;
+    let on_target = images(source, &embedding.source, target, &embedding.target)?;
     let distortion = local_distortion(target, source, &on_source, progress)?;
     let mut found = dense_map(
         source,
@@ -546,6 +554,7 @@ fn embedded(
         (&embedding.source, &on_target),
         &distortion,
         &[],
+        progress,
     )?;
     found.convergence = Some(embedding.convergence);
     Ok(found)
@@ -616,9 +625,11 @@ fn dense_map(
     (source_rows, on_target): (&Rows, &[u32]),
     distortion: &[f64],
     landmarks: &[(u32, u32)],
+    progress: &Progress,
 ) -> Result<Correspondence> {
     let images = &on_source[..target.mesh.surface_vertices];
     let back = &on_target[..source.mesh.surface_vertices];
+    let check: Check<'_> = &|| progress.check();
     let vertices = &target.mesh.vertices;
     let returns = |v: usize| {
         let end = back[images[v] as usize] as usize;
@@ -635,9 +646,10 @@ fn dense_map(
             (target, target_rows, full),
             (source, source_rows),
             images,
-        )
+            check,
+        )?
     } else {
-        pointwise_map::projected(target_rows, source_rows, images, source)
+        pointwise_map::projected(target_rows, source_rows, images, source, check)?
     };
     for &(known, asking) in landmarks {
         let vertex = target
@@ -647,9 +659,9 @@ fn dense_map(
         points[vertex as usize] = SurfacePoint::at_vertex(source, known);
     }
     if let Some(full) = &source.full {
-        points = full.located(&points, &source.mesh);
+        points = full.located(&points, &source.mesh, check)?;
     }
-    let functional_map = functional_map(source, target, images, back)?;
+    let functional_map = functional_map(source, target, images, back, check)?;
     let mut found = in_given_numbering(source, target, &points, &trust, functional_map);
     if source.full.is_some() || target.full.is_some() {
         found.points = points;
@@ -664,6 +676,7 @@ fn functional_map(
     target: &Shape,
     on_source: &[u32],
     on_target: &[u32],
+    check: Check<'_>,
 ) -> Result<Mat<f64>> {
     let k = |s: &Shape| FUNCTIONAL_MAP_SIZE.min(s.basis.values.len());
     let (kt, ks) = (k(target), k(source));
@@ -678,9 +691,13 @@ fn functional_map(
     let own_values = rows(source.functions(ks), &target.mass, Some(on_source), nt);
     let other = rows(target.functions(kt), &source.mass, Some(on_target), ns);
     let other_values = rows(source.functions(ks), &source.mass, None, ns);
+    check()?;
     let mut gram = dense::product(own.transpose(), own.as_ref());
+    check()?;
     dense::add_product(gram.as_mut(), other.transpose(), other.as_ref());
+    check()?;
     let mut right = dense::product(own.transpose(), own_values.as_ref());
+    check()?;
     dense::add_product(right.as_mut(), other.transpose(), other_values.as_ref());
     solved_functional_map(target.unit / source.unit, gram, right.as_ref())
 }

@@ -5,6 +5,8 @@ use faer::{Accum, Mat, Par};
 use rayon::prelude::*;
 
 use crate::dense::{Rows, vectorised};
+use crate::error::Result;
+use crate::progress::Check;
 
 /// Queries treated in one matrix product: the scores then stay in the second-level cache.
 const QUERIES_A_BLOCK: usize = 64;
@@ -12,14 +14,26 @@ const QUERIES_A_BLOCK: usize = 64;
 /// For each query the id of the nearest of `points`, Euclidean; the lowest id wins a tie.
 #[must_use]
 pub fn nearest(queries: &Rows, points: &Rows) -> Vec<u32> {
+    match nearest_unless(queries, points, &|| Ok(())) {
+        Ok(found) => found,
+        Err(_) => unreachable!("nothing cancels it"),
+    }
+}
+
+/// [`nearest`] that asks `check` before every block of queries.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub fn nearest_unless(queries: &Rows, points: &Rows, check: Check<'_>) -> Result<Vec<u32>> {
     debug_assert_eq!(queries.dims, points.dims);
     let half_norms: Vec<f32> = (0..points.count())
         .map(|j| points.row(j).iter().map(|x| x * x).sum::<f32>() / 2.0)
         .collect();
-    queries
+    let blocks: Vec<Vec<u32>> = queries
         .data
         .par_chunks(QUERIES_A_BLOCK * queries.dims)
-        .flat_map_iter(|block| {
+        .map(|block| {
+            check()?;
             let columns = faer::MatRef::from_column_major_slice(
                 block,
                 queries.dims,
@@ -34,12 +48,12 @@ pub fn nearest(queries: &Rows, points: &Rows) -> Vec<u32> {
                 -1.0,
                 Par::Seq,
             );
-            let best: Vec<u32> = (0..columns.ncols())
+            Ok((0..columns.ncols())
                 .map(|q| lowest(scores.col_as_slice(q), &half_norms))
-                .collect();
-            best
+                .collect())
         })
-        .collect()
+        .collect::<Result<_>>()?;
+    Ok(blocks.concat())
 }
 
 /// Index of the smallest `scores[j] + offsets[j]`.

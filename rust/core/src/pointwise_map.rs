@@ -3,7 +3,9 @@
 use rayon::prelude::*;
 
 use crate::dense::{Rows, vectorised};
+use crate::error::Result;
 use crate::full_resolution::FullResolution;
+use crate::progress::Check;
 use crate::refinement::propagation::squared_distance;
 use crate::shape::Shape;
 
@@ -35,12 +37,23 @@ impl SurfacePoint {
 /// Nearest point of the source's triangles in the common embedding, for each target row.
 ///
 /// `images` is the nearest source vertex of each target vertex.
-#[must_use]
-pub fn projected(target: &Rows, source: &Rows, images: &[u32], shape: &Shape) -> Vec<SurfacePoint> {
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub fn projected(
+    target: &Rows,
+    source: &Rows,
+    images: &[u32],
+    shape: &Shape,
+    check: Check<'_>,
+) -> Result<Vec<SurfacePoint>> {
     images
         .par_iter()
         .enumerate()
-        .map(|(i, &image)| vectorised(|| project(target.row(i), source, image, shape)))
+        .map(|(i, &image)| {
+            check()?;
+            Ok(vectorised(|| project(target.row(i), source, image, shape)))
+        })
         .collect()
 }
 
@@ -50,12 +63,15 @@ pub fn projected(target: &Rows, source: &Rows, images: &[u32], shape: &Shape) ->
 /// formed: the vertices of a face share the inner products of its corners with the source's rows,
 /// so that the cost hardly grows with the given mesh. `images` is the nearest source vertex of
 /// each vertex of the simplified target.
-#[must_use]
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
 pub fn projected_at_full_resolution(
     (target, target_rows, full): (&Shape, &Rows, &FullResolution),
     (source, source_rows): (&Shape, &Rows),
     images: &[u32],
-) -> Vec<SurfacePoint> {
+    check: Check<'_>,
+) -> Result<Vec<SurfacePoint>> {
     let surface = source.mesh.surface_faces;
     let sides: Vec<[f64; 3]> = source.mesh.faces[..surface]
         .par_iter()
@@ -67,9 +83,10 @@ pub fn projected_at_full_resolution(
     let found: Vec<Vec<(u32, SurfacePoint)>> = (0..target.mesh.faces.len() as u32)
         .into_par_iter()
         .map(|face| {
+            check()?;
             let asking = full.on_face(face);
             if asking.is_empty() {
-                return Vec::new();
+                return Ok(Vec::new());
             }
             let corners = target.mesh.faces[face as usize];
             let near = vectorised(|| {
@@ -79,7 +96,7 @@ pub fn projected_at_full_resolution(
                     (source, source_rows),
                 )
             });
-            asking
+            Ok(asking
                 .iter()
                 .map(|&v| {
                     (
@@ -87,9 +104,9 @@ pub fn projected_at_full_resolution(
                         near.closest(full.points[v as usize].weights, &sides, source),
                     )
                 })
-                .collect()
+                .collect())
         })
-        .collect();
+        .collect::<Result<_>>()?;
     let nowhere = SurfacePoint {
         face: 0,
         weights: [1.0, 0.0, 0.0],
@@ -98,7 +115,7 @@ pub fn projected_at_full_resolution(
     for (v, point) in found.into_iter().flatten() {
         points[v as usize] = point;
     }
-    points
+    Ok(points)
 }
 
 /// Faces of the source near the image of a target face, seen from the face's first corner t₀.
@@ -202,8 +219,10 @@ fn product_from(o: &[f32], x: &[f32], y: &[f32]) -> f64 {
     f64::from(lanes.iter().sum::<f32>() + rest)
 }
 
+/// Nearest point of the triangles around a source vertex and its nearest neighbours.
 #[inline(always)]
-fn project(query: &[f32], source: &Rows, image: u32, shape: &Shape) -> SurfacePoint {
+#[must_use]
+pub fn project(query: &[f32], source: &Rows, image: u32, shape: &Shape) -> SurfacePoint {
     let mut near: Vec<(f32, u32)> = shape
         .neighbours
         .row(image as usize)

@@ -170,6 +170,7 @@ fn scored(
             } else {
                 c.matrix.clone()
             };
+            report(0.2)?;
             Ok(score(pair, matrix, c.energy))
         })
         .collect()

@@ -13,7 +13,7 @@ use crate::full_resolution::{FullResolution, FullSpectrum};
 use crate::geodesics::{self, FastMarching};
 use crate::mesh::{Adjacency, Mesh};
 use crate::metric::{Measured, Metric};
-use crate::progress::Progress;
+use crate::progress::{Check, Progress};
 use crate::vector::Point;
 
 /// Eigenpairs of a prepared shape; more bring nothing to a map.
@@ -115,8 +115,8 @@ impl Shape {
         report("geodesics", 0.7)?;
         let marched = &farthest[..MARCHED.min(farthest.len())];
         let fields = geodesics::distances_from(&surface.marching, marched, &cancelled)?;
-        report("distance operator", 0.9)?;
-        Self::assembled((mesh, full), surface, basis, farthest, fields)
+        let check = || report("distance operator", 0.9);
+        Self::assembled((mesh, full), surface, basis, farthest, fields, &check)
     }
 
     /// The mesh on which everything is computed, and the given one behind it when it is large.
@@ -142,7 +142,9 @@ impl Shape {
         basis: Eigenbasis,
         farthest: Vec<u32>,
         fields: Mat<f32>,
+        check: Check<'_>,
     ) -> Result<Self> {
+        check()?;
         let Measured {
             metric,
             unit,
@@ -160,7 +162,9 @@ impl Shape {
             &laplacian.mass,
             marched,
             fields.as_ref(),
+            check,
         )?;
+        check()?;
         let descriptors = Descriptors::new(
             &mesh,
             &laplacian.stiffness,
@@ -168,7 +172,9 @@ impl Shape {
             &length_factors,
             &basis.values,
             basis.functions.as_ref(),
-        );
+            check,
+        )?;
+        check()?;
         Ok(Self {
             normals: mesh.vertex_normals(),
             volume_sign: mesh.volume_sign(),
@@ -190,24 +196,25 @@ impl Shape {
         })
     }
 
-    /// A shape from its mesh and the costly parts of an earlier preparation.
-    ///
-    /// `values` are the k eigenvalues, `functions` `(n, k)`, `fields` `(n, s)` in the order of the
-    /// checked (and simplified) mesh, at unit area.
+    /// A shape from its mesh and what an earlier preparation of it kept.
     ///
     /// # Errors
-    /// Those of [`Mesh::new`]; [`Error::BadArgument`] when the parts do not fit the mesh.
+    /// Those of [`Mesh::new`]; [`Error::BadArgument`] when the parts do not fit the mesh;
+    /// [`Error::Cancelled`].
     pub fn restored(
         vertices: &[Point],
         faces: &[[i64; 3]],
         metric: Metric,
-        values: Vec<f64>,
-        functions: Mat<f64>,
-        farthest: Vec<u32>,
-        fields: Mat<f32>,
+        parts: CostlyParts,
+        progress: &Progress,
     ) -> Result<Self> {
-        let (mesh, full) =
-            Self::working_mesh(vertices, faces, &Progress::default(), &|_, _| Ok(()))?;
+        let (mesh, full) = Self::working_mesh(vertices, faces, progress, &|_, _| progress.check())?;
+        let CostlyParts {
+            values,
+            functions,
+            farthest,
+            fields,
+        } = parts;
         let n = mesh.vertices.len();
         let fit = functions.nrows() == n
             && fields.nrows() == n
@@ -233,7 +240,9 @@ impl Shape {
             residual: f64::NAN,
             solves: 0,
         };
-        Self::assembled((mesh, full), surface, basis, farthest, fields)
+        Self::assembled((mesh, full), surface, basis, farthest, fields, &|| {
+            progress.check()
+        })
     }
 
     /// The checked mesh in the given resolution.
@@ -376,6 +385,20 @@ impl Shape {
             .map(|&v| i64::from(self.mesh.input_vertex[v as usize]))
             .collect()
     }
+}
+
+/// The parts of a shape that take long to compute, in the order of the checked (and simplified)
+/// mesh, at unit area.
+#[derive(Debug)]
+pub struct CostlyParts {
+    /// The k eigenvalues.
+    pub values: Vec<f64>,
+    /// Eigenfunctions `(n, k)`.
+    pub functions: Mat<f64>,
+    /// Farthest-point samples; distances are known from the first s of them.
+    pub farthest: Vec<u32>,
+    /// Distances `(n, s)`.
+    pub fields: Mat<f32>,
 }
 
 /// What a shape hands out, in given numbering and units; zero at dropped vertices.

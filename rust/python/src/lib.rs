@@ -18,7 +18,7 @@ use sgmds_core::matching::{self, Correspondence, Method, Options};
 use sgmds_core::metric::Metric;
 use sgmds_core::pair::{LeftOut, Mirror, Shares};
 use sgmds_core::selection::{Figures, Hypothesis};
-use sgmds_core::shape::Shape;
+use sgmds_core::shape::{CostlyParts, Shape};
 use sgmds_core::{Error, quality};
 
 use watched::watched;
@@ -188,10 +188,14 @@ fn restore(
         functions[[i, j]]
     });
     let fields = faer::Mat::from_fn(fields.nrows(), fields.ncols(), |i, j| fields[[i, j]]);
-    let shape = watched(py, None, None, move |_| {
-        Shape::restored(
-            &vertices, &faces, metric, values, functions, farthest, fields,
-        )
+    let shape = watched(py, None, None, move |state| {
+        let parts = CostlyParts {
+            values,
+            functions,
+            farthest,
+            fields,
+        };
+        Shape::restored(&vertices, &faces, metric, parts, state)
     })?;
     Ok(PreparedShape {
         shape: Arc::new(shape),

@@ -224,7 +224,7 @@ impl<'a> Placement<'a> {
         } else {
             nearest(&query, &self.fields.gather(&surface))
         };
-        pointwise_map::projected(&query, &self.fields, &vertex, self.source)[0]
+        pointwise_map::project(query.row(0), &self.fields, vertex[0], self.source)
     }
 
     /// Moves one sample after the other to its best point until the stress rests.

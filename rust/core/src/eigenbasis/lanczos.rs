@@ -20,6 +20,9 @@ const BLOCK: usize = 8;
 const SIZE_PER_HUNDRED_PAIRS: usize = 155;
 const LEAST_SIZE: usize = 88;
 
+/// Ritz vectors formed between two questions whether to stop.
+const COLUMNS_A_PIECE: usize = 32;
+
 /// The iteration gives up at this multiple of the size expected.
 const PATIENCE: usize = 3;
 
@@ -124,7 +127,7 @@ impl<'a> BlockLanczos<'a> {
             let worst = errors.iter().copied().fold(0.0, f64::max);
             let found = order.iter().filter(|&&i| values[i] < 0.0).count();
             if worst <= 1.0 && order.len() == wanted && found == below {
-                return Ok(self.pairs(&order, &values, vectors.as_ref(), tails.as_ref()));
+                return self.pairs(&order, &values, vectors.as_ref(), tails.as_ref(), cancelled);
             }
             if m >= most {
                 return Err(Error::NotConverged {
@@ -239,7 +242,8 @@ impl<'a> BlockLanczos<'a> {
         values: &[f64],
         vectors: MatRef<'_, f64>,
         tails: MatRef<'_, f64>,
-    ) -> RitzPairs {
+        cancelled: &(dyn Fn() -> bool + Sync),
+    ) -> Result<RitzPairs> {
         let (n, m) = (self.basis.nrows(), self.size);
         let coefficients = Mat::from_fn(m + BLOCK, order.len(), |i, j| {
             if i < m {
@@ -249,22 +253,28 @@ impl<'a> BlockLanczos<'a> {
             }
         });
         let mut x = Mat::zeros(n, order.len());
-        matmul(
-            &mut x,
-            Accum::Replace,
-            self.basis.subcols(0, m + BLOCK),
-            &coefficients,
-            1.0,
-            Par::Seq,
-        );
-        RitzPairs {
+        for first in (0..order.len()).step_by(COLUMNS_A_PIECE) {
+            if cancelled() {
+                return Err(Error::Cancelled);
+            }
+            let count = COLUMNS_A_PIECE.min(order.len() - first);
+            matmul(
+                x.subcols_mut(first, count),
+                Accum::Replace,
+                self.basis.subcols(0, m + BLOCK),
+                coefficients.subcols(first, count),
+                1.0,
+                Par::Seq,
+            );
+        }
+        Ok(RitzPairs {
             values: order
                 .iter()
                 .map(|&i| self.factor.shift() + 1.0 / values[i])
                 .collect(),
             vectors: x,
             solves: m,
-        }
+        })
     }
 
     fn grow(&mut self) {

@@ -100,7 +100,7 @@ impl Eigenbasis {
                 basis.fill_sparse(laplacian, &root_mass, area, cancelled)?;
             }
         }
-        basis.check(laplacian)?;
+        basis.check(laplacian, cancelled)?;
         Ok(basis)
     }
 
@@ -143,10 +143,7 @@ impl Eigenbasis {
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<()> {
         let wanted = self.values.len() - 1;
-        let factor = factor_within_spectrum(laplacian, wanted, area)?;
-        if cancelled() {
-            return Err(Error::Cancelled);
-        }
+        let factor = factor_within_spectrum(laplacian, wanted, area, cancelled)?;
         let ordering = factor.ordering();
         let ordered: Vec<f64> = ordering.iter().map(|&v| root_mass[v as usize]).collect();
         let constant = Mat::from_fn(ordered.len(), 1, |i, _| ordered[i] / area.sqrt());
@@ -158,6 +155,9 @@ impl Eigenbasis {
         } = lanczos.run(wanted, SAFETY * RESIDUAL_BOUND, cancelled)?;
         self.solves = solves;
         for (j, value) in values.into_iter().enumerate() {
+            if cancelled() {
+                return Err(Error::Cancelled);
+            }
             self.values[j + 1] = value;
             for (i, &v) in ordering.iter().enumerate() {
                 self.functions[(v as usize, j + 1)] = vectors[(i, j)] / ordered[i];
@@ -171,12 +171,19 @@ impl Eigenbasis {
     /// A pair that misses the bound is smoothed once: at vertices of tiny mass, rounding in
     /// `A^{1/2}φ` is a large oscillation of `φ`, which a Jacobi sweep removes and nothing else
     /// notices.
-    fn check(&mut self, laplacian: &Laplacian) -> Result<()> {
+    fn check(
+        &mut self,
+        laplacian: &Laplacian,
+        cancelled: &(dyn Fn() -> bool + Sync),
+    ) -> Result<()> {
         let bound = RESIDUAL_BOUND * self.values.last().copied().unwrap_or(0.0);
         let diagonal = laplacian.stiffness.diag();
         let mut good = 0;
         let mut defect = vec![0.0; laplacian.len()];
         for (j, &value) in self.values.iter().enumerate() {
+            if cancelled() {
+                return Err(Error::Cancelled);
+            }
             let Some(phi) = self.functions.col_mut(j).try_as_col_major_mut() else {
                 unreachable!("columns of an owned matrix are contiguous")
             };
@@ -213,15 +220,19 @@ impl Eigenbasis {
 /// Factor of `W − sA` with `s` at about `FRACTION_BELOW` of the wanted spectrum.
 ///
 /// Starts from Weyl's `λ_j ≈ 4πj/area` and corrects by the count of eigenvalues below.
-fn factor_within_spectrum(
-    laplacian: &Laplacian,
+fn factor_within_spectrum<'a>(
+    laplacian: &'a Laplacian,
     wanted: usize,
     area: f64,
-) -> Result<ShiftedFactor<'_>> {
+    cancelled: &(dyn Fn() -> bool + Sync),
+) -> Result<ShiftedFactor<'a>> {
     let target = FRACTION_BELOW * wanted as f64;
     let mut factor = ShiftedFactor::new(laplacian)?;
     let mut shift = 4.0 * PI * target.max(0.5) / area;
     for trial in 1..=SHIFT_TRIALS {
+        if cancelled() {
+            return Err(Error::Cancelled);
+        }
         if !(factor.factorise(shift) && factor.is_accurate()) {
             shift *= SHIFT_STEP_ASIDE;
             continue;

@@ -17,8 +17,9 @@ use crate::dense::{self, Rows};
 use crate::error::Result;
 use crate::hints::Which;
 use crate::mesh::{self, Adjacency};
-use crate::nearest::nearest;
+use crate::nearest::nearest_unless;
 use crate::pair::{Pair, Part};
+use crate::progress::Check;
 use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
 use crate::shape::Shape;
 use crate::vector::{self, Point};
@@ -107,12 +108,13 @@ pub fn refined<'a>(
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Refined<'a>> {
     let (target, source) = (pair.target, pair.source);
-    let mut state = Refined::start(pair, matrix, schedule.drawn);
+    let start = || report(0.0);
+    let mut state = Refined::start(pair, matrix, schedule.drawn, &start)?;
     state.rotate_target_onto_source()?;
     let most = target.basis.values.len().min(source.basis.values.len());
     for (step, &size) in schedule.sizes.iter().enumerate() {
-        report(step as f64 / schedule.sizes.len() as f64)?;
-        state.advance(size.min(most))?;
+        let check = || report(step as f64 / schedule.sizes.len() as f64);
+        state.advance(size.min(most), &check)?;
     }
     Ok(state)
 }
@@ -252,7 +254,13 @@ impl<'a> Side<'a> {
 }
 
 impl<'a> Refined<'a> {
-    fn start(pair: &Pair<'a>, matrix: MatRef<'_, f64>, drawn: Option<usize>) -> Self {
+    fn start(
+        pair: &Pair<'a>,
+        matrix: MatRef<'_, f64>,
+        drawn: Option<usize>,
+        check: Check<'_>,
+    ) -> Result<Self> {
+        check()?;
         let (target, source) = (pair.target, pair.source);
         let mut state = Self {
             target: Side::new(pair, Which::Target, drawn),
@@ -263,7 +271,7 @@ impl<'a> Refined<'a> {
         let turned = dense::product(state.source.basis(matrix.nrows()), matrix);
         state.source.rows = Rows::from_matrix(turned.as_ref(), matrix.ncols());
         state.target.rows = Rows::from_matrix(target.basis.functions.as_ref(), matrix.ncols());
-        rayon::join(
+        let (on_source, on_target) = rayon::join(
             || {
                 first_images(
                     &mut state.target.images,
@@ -272,7 +280,8 @@ impl<'a> Refined<'a> {
                     (&state.target.rows, &state.target.neighbours),
                     source,
                     &state.source.rows,
-                );
+                    check,
+                )
             },
             || {
                 first_images(
@@ -282,19 +291,23 @@ impl<'a> Refined<'a> {
                     (&state.source.rows, &state.source.neighbours),
                     target,
                     &state.target.rows,
-                );
+                    check,
+                )
             },
         );
-        state
+        on_source.and(on_target)?;
+        Ok(state)
     }
 
     /// One step at k eigenfunctions: displacement, map, embeddings, images.
-    fn advance(&mut self, k: usize) -> Result<()> {
+    fn advance(&mut self, k: usize, check: Check<'_>) -> Result<()> {
+        check()?;
         self.target.low_pass(k);
         self.source.low_pass(k);
-        let (deformed, matrix) = rayon::join(|| self.displaced(k), || self.mapped(k));
+        let (deformed, matrix) = rayon::join(|| self.displaced(k, check), || self.mapped(k, check));
         self.deformed = deformed?;
         self.matrix = matrix?;
+        check()?;
         let turned = dense::product(self.source.basis(k), self.matrix.as_ref());
         let spectral = self.target.shape.basis.functions.get(.., ..k);
         let smoothed = self.source.smoothed.clone();
@@ -304,16 +317,15 @@ impl<'a> Refined<'a> {
             || target.embed(spectral, deformed),
             || source.embed(turned.as_ref(), smoothed.as_ref()),
         );
-        self.find_images(SWEEPS);
-        Ok(())
+        self.find_images(SWEEPS, check)
     }
 
     /// Settles the images of both sides in the present embeddings; those of landmarks are given.
-    fn find_images(&mut self, sweeps: usize) {
+    fn find_images(&mut self, sweeps: usize, check: Check<'_>) -> Result<()> {
         let Self { target, source, .. } = self;
         let (target_rows, source_rows) = (&target.rows, &source.rows);
         let (t, s) = (target.shape, source.shape);
-        rayon::join(
+        let (on_source, on_target) = rayon::join(
             || {
                 target.images.settle(
                     &target.asking,
@@ -321,7 +333,8 @@ impl<'a> Refined<'a> {
                     (source_rows, &s.neighbours),
                     s.mesh.surface_vertices,
                     sweeps,
-                );
+                    check,
+                )
             },
             || {
                 source.images.settle(
@@ -330,18 +343,21 @@ impl<'a> Refined<'a> {
                     (target_rows, &t.neighbours),
                     t.mesh.surface_vertices,
                     sweeps,
-                );
+                    check,
+                )
             },
         );
+        on_source.and(on_target)?;
         for side in [target, source] {
             for &(number, image) in &side.known {
                 side.images.vertex[number as usize] = image;
             }
         }
+        Ok(())
     }
 
     /// Low-passed target plus the smooth displacement that brings it onto the source.
-    fn displaced(&self, k: usize) -> Result<Mat<f64>> {
+    fn displaced(&self, k: usize, check: Check<'_>) -> Result<Mat<f64>> {
         let (t, s) = (&self.target, &self.source);
         let own = t.gathered(t.shape, k, &t.asking);
         let answered = s.gathered(t.shape, k, &s.images.vertex);
@@ -349,7 +365,9 @@ impl<'a> Refined<'a> {
             - &t.weighted_rows(t.smoothed.as_ref(), &t.asking);
         let answered_shift = &s.weighted_rows(s.smoothed.as_ref(), &s.asking)
             - &s.weighted_rows(t.smoothed.as_ref(), &s.images.vertex);
+        check()?;
         let gram = &t.own_gram(&own) + &dense::sum_of_products(&answered, &answered);
+        check()?;
         let right = &dense::sum_of_products(&own, &Rows::from_matrix(own_shift.as_ref(), 3))
             + &dense::sum_of_products(&answered, &Rows::from_matrix(answered_shift.as_ref(), 3));
         let values = &t.shape.basis.values;
@@ -361,15 +379,20 @@ impl<'a> Refined<'a> {
     }
 
     /// Bijective least squares for the map at k.
-    fn mapped(&self, k: usize) -> Result<Mat<f64>> {
+    fn mapped(&self, k: usize, check: Check<'_>) -> Result<Mat<f64>> {
         let (t, s) = (&self.target, &self.source);
         let asked = t.gathered(t.shape, k, &t.asking);
         let asked_images = t.gathered(s.shape, k, &t.images.vertex);
         let answered = s.gathered(s.shape, k, &s.asking);
         let answered_images = s.gathered(t.shape, k, &s.images.vertex);
-        let gram = &dense::sum_of_products(&asked_images, &asked_images) + &s.own_gram(&answered);
-        let right = &dense::sum_of_products(&asked_images, &asked)
-            + &dense::sum_of_products(&answered, &answered_images);
+        check()?;
+        let asked_gram = dense::sum_of_products(&asked_images, &asked_images);
+        check()?;
+        let gram = &asked_gram + &s.own_gram(&answered);
+        check()?;
+        let asked_right = dense::sum_of_products(&asked_images, &asked);
+        check()?;
+        let right = &asked_right + &dense::sum_of_products(&answered, &answered_images);
         dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())
     }
 
@@ -437,12 +460,13 @@ fn first_images(
     (own_rows, neighbours): (&Rows, &Adjacency),
     other: &Shape,
     other_rows: &Rows,
-) {
+    check: Check<'_>,
+) -> Result<()> {
     let real = other.mesh.surface_vertices;
     let answers: Vec<u32> = (0..real as u32).collect();
     let spread = asking.len() == own.mesh.vertices.len();
     let known: &[u32] = if spread { &own.farthest } else { asking };
-    let found = nearest(&own_rows.gather(known), &other_rows.gather(&answers));
+    let found = nearest_unless(&own_rows.gather(known), &other_rows.gather(&answers), check)?;
     if spread {
         for (&v, &image) in known.iter().zip(&found) {
             images.vertex[v as usize] = image;
@@ -453,10 +477,12 @@ fn first_images(
             (other_rows, &other.neighbours),
             real,
             SWEEPS_TO_REST,
-        );
+            check,
+        )?;
     } else {
         images.vertex = found;
     }
+    Ok(())
 }
 
 fn determinant(m: MatRef<'_, f64>) -> f64 {

@@ -5,7 +5,9 @@
 //! fixed order on one thread, so that the result does not depend on the number of threads.
 
 use crate::dense::{Rows, vectorised};
+use crate::error::Result;
 use crate::mesh::Adjacency;
+use crate::progress::Check;
 
 /// Most sweeps until nothing changes.
 pub const SWEEPS_TO_REST: usize = 20;
@@ -33,7 +35,10 @@ impl Images {
     ///
     /// `ids` are the asking vertices; `asking` holds the rows of all their shape's vertices and
     /// which of the asking ones are neighbours, `answering` the other shape's rows and edges. Only
-    /// the first `answers` vertices may answer.
+    /// the first `answers` vertices may answer. `check` is asked before every sweep.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
     pub fn settle(
         &mut self,
         ids: &[u32],
@@ -41,8 +46,9 @@ impl Images {
         answering: (&Rows, &Adjacency),
         answers: usize,
         sweeps: usize,
-    ) {
-        vectorised(|| self.settle_in_lanes(ids, asking, answering, answers, sweeps));
+        check: Check<'_>,
+    ) -> Result<()> {
+        vectorised(|| self.settle_in_lanes(ids, asking, answering, answers, sweeps, check))
     }
 
     #[inline(always)]
@@ -53,7 +59,8 @@ impl Images {
         answering: (&Rows, &Adjacency),
         answers: usize,
         sweeps: usize,
-    ) {
+        check: Check<'_>,
+    ) -> Result<()> {
         for (i, &id) in ids.iter().enumerate() {
             self.cost[i] = if self.vertex[i] == u32::MAX {
                 f32::INFINITY
@@ -68,6 +75,7 @@ impl Images {
         // Where the known images are few, spreading them takes precedence over the limit.
         let mut sweep = 0;
         while sweep < sweeps || self.vertex.contains(&u32::MAX) {
+            check()?;
             let mut changed = false;
             for step in 0..ids.len() {
                 let i = if sweep % 2 == 0 {
@@ -83,6 +91,7 @@ impl Images {
             }
             sweep += 1;
         }
+        Ok(())
     }
 
     /// Tries the images of mesh neighbours, then walks downhill on the answering shape.
