@@ -13,6 +13,7 @@ pub mod hints;
 pub mod laplacian;
 pub mod map_search;
 pub mod matching;
+pub mod memory;
 pub mod mesh;
 pub mod metric;
 pub mod nearest;

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 from ._core import __version__
 from .correspondence import Correspondence, Quality
-from .errors import ArgumentError, Cancelled, InternalError, MatchError, MeshError, SgmdsError
+from .errors import (
+    ArgumentError,
+    Cancelled,
+    InternalError,
+    MatchError,
+    MeshError,
+    NotEnoughMemory,
+    SgmdsError,
+)
 from .matching import match
 from .shape import Shape
 from .transfer import SurfaceMap, judge_layout, uv_islands
@@ -20,6 +28,7 @@ __all__ = [
     "InternalError",
     "MatchError",
     "MeshError",
+    "NotEnoughMemory",
     "Quality",
     "SgmdsError",
     "Shape",

@@ -13,6 +13,10 @@ class ArgumentError(SgmdsError, ValueError):
     """An argument has the wrong shape, type or value."""
 
 
+class NotEnoughMemory(SgmdsError, MemoryError):  # noqa: N818 - the public name
+    """The computation would not fit into the memory that is free; the message says how much it needs."""
+
+
 class MatchError(SgmdsError):
     """No plausible map was found, or a stage could not finish."""
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from numpy.typing import ArrayLike
 
-from . import _core
+from . import _core, memory
 from .correspondence import Correspondence
 from .errors import ArgumentError
 from .shape import Ids, Progress, Shape, checked_mesh
@@ -66,7 +66,7 @@ def match(
 
     Raises
     ------
-    MeshError, MatchError, Cancelled
+    MeshError, MatchError, NotEnoughMemory, Cancelled
     """
     for name, value, allowed in (
         ("method", method, METHODS),
@@ -79,9 +79,14 @@ def match(
     sides = [_side(name, s) for name, s in (("source", source), ("target", target))]
     counts = [len(vertices) for vertices, _, _ in sides]
     pairs = _pairs(landmarks, counts)
+    source_core, target_core = (side[2] for side in sides)
+    # Both are prepared at the same time.
+    if unprepared := [c for c in (source_core, target_core) if not isinstance(c, _core.PreparedShape)]:
+        memory.require_to_prepare(*unprepared)
+    memory.require_to_match(source_core, target_core)
     raw = _core.match_pair(
-        sides[0][2],
-        sides[1][2],
+        source_core,
+        target_core,
         method,
         mirror,
         part,

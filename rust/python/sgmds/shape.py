@@ -9,7 +9,7 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from . import _core, archive
+from . import _core, archive, memory
 from .errors import ArgumentError, SgmdsError
 
 FORMAT = "sgmds-shape"
@@ -67,6 +67,8 @@ class Shape:
     ------
     MeshError
         When the mesh has no usable surface.
+    NotEnoughMemory
+        When the mesh is too large for the memory that is free.
     Cancelled
     """
 
@@ -82,6 +84,7 @@ class Shape:
         if metric not in METRICS:
             raise ArgumentError(f"`metric` should be one of {METRICS}, got {metric!r}")
         self.vertices, self.faces = checked_mesh(vertices, faces)
+        memory.require_to_prepare((self.vertices, self.faces))
         self._core = _core.prepare(self.vertices, self.faces, metric, progress, threads)
         self._kept: dict[str, NDArray[Any]] = {}
 
@@ -92,6 +95,8 @@ class Shape:
 
     def _spectral(self, name: str) -> Floats:
         if name not in self._kept:
+            if self._core.working_vertices < self._core.checked_size[0]:
+                memory.require_for_spectrum(self._core)
             self._kept.update(self._core.public_arrays())
         return self._kept[name]
 

@@ -15,11 +15,12 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgmds_core::matching::{self, Correspondence, Method, Options};
+use sgmds_core::mesh::Mesh;
 use sgmds_core::metric::Metric;
 use sgmds_core::pair::{LeftOut, Mirror, Shares};
 use sgmds_core::selection::{Figures, Hypothesis};
 use sgmds_core::shape::{CostlyParts, Shape};
-use sgmds_core::{Error, quality};
+use sgmds_core::{Error, memory, quality};
 
 use watched::watched;
 
@@ -131,6 +132,13 @@ impl PreparedShape {
                 .reshape([fields.nrows(), fields.ncols()])?,
         )?;
         Ok(dict)
+    }
+
+    /// Vertices and faces that were left to prepare, before any simplification.
+    #[getter]
+    fn checked_size(&self) -> (usize, usize) {
+        let mesh = self.shape.given_mesh();
+        (mesh.vertices.len(), mesh.faces.len())
     }
 
     /// Given vertices.
@@ -419,6 +427,48 @@ fn match_pair(
     })
 }
 
+/// Panics on a worker thread in the stage "selection", to test what becomes of that.
+#[pyfunction]
+fn provoke_panic(py: Python<'_>) -> PyResult<()> {
+    watched(py, None, None, |state| {
+        state.enter("selection", 0.5)?;
+        rayon::join(|| panic!("provoked"), || ());
+        Ok(())
+    })
+}
+
+/// Vertices and faces of a mesh that would be left to prepare.
+#[pyfunction]
+fn checked_size(
+    py: Python<'_>,
+    vertices: PyReadonlyArray2<'_, f64>,
+    faces: PyReadonlyArray2<'_, i64>,
+) -> PyResult<(usize, usize)> {
+    let (vertices, faces) = (triples(&vertices)?, triples(&faces)?);
+    watched(py, None, None, move |_| {
+        let mesh = Mesh::new(&vertices, &faces, false)?;
+        Ok((mesh.vertices.len(), mesh.faces.len()))
+    })
+}
+
+/// Bytes that preparing meshes of these (vertices, faces) together takes at its peak.
+#[pyfunction]
+fn memory_to_prepare(sizes: Vec<(u64, u64)>) -> u64 {
+    memory::to_prepare(&sizes)
+}
+
+/// Bytes that matching two prepared shapes takes at its peak, beyond the shapes.
+#[pyfunction]
+fn memory_to_match(source: u64, target: u64) -> u64 {
+    memory::to_match(source, target)
+}
+
+/// Bytes that the spectrum of a simplified mesh in its given resolution takes at its peak.
+#[pyfunction]
+fn memory_for_spectrum(vertices: u64, faces: u64) -> u64 {
+    memory::for_spectrum(vertices, faces)
+}
+
 /// Values of the source at the images of the target's vertices; all arrays contiguous.
 #[pyfunction]
 fn transfer_values<'py>(
@@ -457,5 +507,10 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(match_pair, module)?)?;
     module.add_function(wrap_pyfunction!(transfer_values, module)?)?;
     transfer::register(module)?;
+    module.add_function(wrap_pyfunction!(memory_to_prepare, module)?)?;
+    module.add_function(wrap_pyfunction!(memory_to_match, module)?)?;
+    module.add_function(wrap_pyfunction!(memory_for_spectrum, module)?)?;
+    module.add_function(wrap_pyfunction!(checked_size, module)?)?;
+    module.add_function(wrap_pyfunction!(provoke_panic, module)?)?;
     Ok(())
 }
