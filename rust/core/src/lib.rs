@@ -5,6 +5,7 @@ pub mod confidence;
 pub mod dense;
 pub mod descriptors;
 pub mod distance_operator;
+pub mod edge_weights;
 pub mod eigenbasis;
 pub mod error;
 pub mod full_resolution;

@@ -66,13 +66,15 @@ pub enum Part {
     Upsampling,
     /// Positions and normals in the refinement.
     Extrinsic,
+    /// Steps of the refinement on the whole surface, locally rigid.
+    Rigid,
     /// Parts of shapes and a wider search where the result is poor.
     Retry,
 }
 
 impl Part {
     /// All parts with their names.
-    pub const ALL: [(&'static str, Self); 8] = [
+    pub const ALL: [(&'static str, Self); 9] = [
         ("geodesic", Self::Geodesic),
         ("descriptors", Self::Descriptors),
         ("orientation", Self::Orientation),
@@ -80,6 +82,7 @@ impl Part {
         ("vote", Self::Vote),
         ("upsampling", Self::Upsampling),
         ("extrinsic", Self::Extrinsic),
+        ("rigid", Self::Rigid),
         ("retry", Self::Retry),
     ];
 }

@@ -2,7 +2,8 @@
 //!
 //! The target's surface, low-passed to k eigenfunctions, is deformed onto the source's by a smooth
 //! displacement; positions and normals then disambiguate what the spectrum alone leaves open. k
-//! grows until fingers and ears are there.
+//! grows until fingers and ears are there. At last the whole target is drawn onto the source, as
+//! rigidly as possible, and refines the map once more in the same way.
 //!
 //! # Source
 //! Eisenberger, Lähner, Cremers, "Smooth Shells", 2020, for the product embedding; fits, schedule
@@ -21,11 +22,27 @@ use crate::nearest::nearest_unless;
 use crate::pair::{Pair, Part};
 use crate::progress::Check;
 use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
+use crate::refinement::rigid_surface::RigidSurface;
 use crate::shape::Shape;
 use crate::vector::{self, Point};
 
-/// Weight of the smoothed normals beside positions; insensitive within a factor of three.
-const NORMAL_WEIGHT: f64 = 0.04;
+/// Weights in the embedding beside positions; insensitive within a factor of three.
+#[derive(Debug, Clone, Copy)]
+struct Weights {
+    normals: f64,
+    looks: f32,
+}
+
+/// With low-passed surfaces.
+const LOW_PASSED: Weights = Weights {
+    normals: 0.04,
+    looks: 1.0,
+};
+/// With whole surfaces, whose normals are rougher and whose positions say more.
+const WHOLE: Weights = Weights {
+    normals: 0.02,
+    looks: 0.6,
+};
 /// Ridge of the displacement fit, relative to Λ/λ₂₀.
 const DISPLACEMENT_RIDGE: f64 = 2e-4;
 /// Ridge of the map fit.
@@ -40,19 +57,23 @@ const SWEEPS: usize = 3;
 pub struct Schedule {
     /// Numbers of eigenfunctions, one a step.
     pub sizes: &'static [usize],
+    /// Steps on the whole surface afterwards.
+    pub rigid_steps: usize,
     /// Only this many vertices of each shape ask, all when `None`.
     pub drawn: Option<usize>,
 }
 
-/// The full schedule: 60 to 150 eigenfunctions in equal ratios, then three times more.
+/// The full schedule: 60 to 150 eigenfunctions in equal ratios, then on the whole surface.
 pub const FULL: Schedule = Schedule {
-    sizes: &[60, 70, 81, 95, 111, 129, 150, 150, 150, 150],
+    sizes: &[60, 70, 81, 95, 111, 129, 150],
+    rigid_steps: 8,
     drawn: None,
 };
 
 /// The short one, by which candidates are compared.
 pub const SHORT: Schedule = Schedule {
     sizes: &[60, 76, 95, 120, 120],
+    rigid_steps: 0,
     drawn: Some(800),
 };
 
@@ -112,9 +133,15 @@ pub fn refined<'a>(
     let mut state = Refined::start(pair, matrix, schedule.drawn, &start)?;
     state.rotate_target_onto_source()?;
     let most = target.basis.values.len().min(source.basis.values.len());
+    let steps = (schedule.sizes.len() + schedule.rigid_steps) as f64;
     for (step, &size) in schedule.sizes.iter().enumerate() {
-        let check = || report(step as f64 / schedule.sizes.len() as f64);
+        let check = || report(step as f64 / steps);
         state.advance(size.min(most), &check)?;
+    }
+    if schedule.rigid_steps > 0 && pair.uses(Part::Extrinsic) && pair.uses(Part::Rigid) {
+        state.settle_whole_surface(schedule.rigid_steps, &|step| {
+            report((schedule.sizes.len() + step) as f64 / steps)
+        })?;
     }
     Ok(state)
 }
@@ -226,12 +253,13 @@ impl<'a> Side<'a> {
 
     /// \[spectral part / (√π k), surface, weighted normals, looks, landmarks\]: in the first two a
     /// unit is about a unit of length on the surface, the first because Σλ ≈ 2πk² at unit area.
-    fn embed(&mut self, spectral: MatRef<'_, f64>, surface: MatRef<'_, f64>) {
+    fn embed(&mut self, spectral: MatRef<'_, f64>, surface: MatRef<'_, f64>, weights: Weights) {
         let (n, k) = (spectral.nrows(), spectral.ncols());
         let scale = 1.0 / (PI.sqrt() * k as f64);
         let positions: Vec<Point> = (0..n).map(|i| [0, 1, 2].map(|c| surface[(i, c)])).collect();
         let normals = mesh::normals_of(&positions, &self.shape.mesh.faces);
-        let sign = NORMAL_WEIGHT * self.shape.volume_sign;
+        let sign = weights.normals * self.shape.volume_sign;
+        let looks = self.shape.descriptors.detail.ncols();
         let dims = k + 6 + self.fixed.ncols();
         let mut rows = Rows::zeros(n, dims);
         for j in 0..k {
@@ -246,7 +274,8 @@ impl<'a> Side<'a> {
                 row[3 + c] = (sign * normals[i][c]) as f32;
             }
             for (c, out) in row[6..].iter_mut().enumerate() {
-                *out = self.fixed[(i, c)];
+                let weight = if c < looks { weights.looks } else { 1.0 };
+                *out = weight * self.fixed[(i, c)];
             }
         }
         self.rows = rows;
@@ -307,17 +336,77 @@ impl<'a> Refined<'a> {
         let (deformed, matrix) = rayon::join(|| self.displaced(k, check), || self.mapped(k, check));
         self.deformed = deformed?;
         self.matrix = matrix?;
-        check()?;
-        let turned = dense::product(self.source.basis(k), self.matrix.as_ref());
-        let spectral = self.target.shape.basis.functions.get(.., ..k);
         let smoothed = self.source.smoothed.clone();
+        self.embed(smoothed.as_ref(), LOW_PASSED, check)
+    }
+
+    /// Steps in which the target itself, not low-passed, is drawn onto the source as rigidly as
+    /// possible, and takes the place of the low-passed surface in the embedding.
+    fn settle_whole_surface(
+        &mut self,
+        steps: usize,
+        report: &(dyn Fn(usize) -> Result<()> + Sync),
+    ) -> Result<()> {
+        let k = self.matrix.nrows();
+        let target = &self.target.shape.mesh;
+        let whole_source = as_matrix(&self.source.shape.mesh.vertices);
+        let start = (0..self.deformed.nrows())
+            .map(|i| [0, 1, 2].map(|c| self.deformed[(i, c)]))
+            .collect();
+        let mut surface = RigidSurface::new(&target.vertices, &target.faces, start);
+        for step in 0..steps {
+            let check = || report(step);
+            let (drawn, matrix) = rayon::join(
+                || surface.drawn_to(&self.pulls(), &check),
+                || self.mapped(k, &check),
+            );
+            drawn?;
+            self.matrix = matrix?;
+            self.deformed = as_matrix(&surface.positions);
+            self.embed(whole_source.as_ref(), WHOLE, &check)?;
+        }
+        Ok(())
+    }
+
+    /// Embeddings by the present map and the deformed target beside `source_surface`, and the
+    /// images in them.
+    fn embed(
+        &mut self,
+        source_surface: MatRef<'_, f64>,
+        weights: Weights,
+        check: Check<'_>,
+    ) -> Result<()> {
+        check()?;
+        let k = self.matrix.nrows();
+        let turned = dense::product(self.source.basis(k), self.matrix.as_ref());
         let (target, source) = (&mut self.target, &mut self.source);
         let deformed = self.deformed.as_ref();
         rayon::join(
-            || target.embed(spectral, deformed),
-            || source.embed(turned.as_ref(), smoothed.as_ref()),
+            || target.embed(target.basis(k), deformed, weights),
+            || source.embed(turned.as_ref(), source_surface, weights),
         );
         self.find_images(SWEEPS, check)
+    }
+
+    /// Where on the source both maps see each target vertex, with the weight of that.
+    fn pulls(&self) -> Vec<(f64, Point)> {
+        let source = &self.source.shape.mesh.vertices;
+        let mut pulls = vec![(0.0, [0.0; 3]); self.deformed.nrows()];
+        let mut pull = |vertex: u32, weight: f64, to: u32| {
+            let (sum, moment) = &mut pulls[vertex as usize];
+            *sum += weight;
+            *moment = vector::add(*moment, vector::scaled(source[to as usize], weight));
+        };
+        for (side, from_target) in [(&self.target, true), (&self.source, false)] {
+            for (i, (&own, &image)) in side.asking.iter().zip(&side.images.vertex).enumerate() {
+                if from_target {
+                    pull(own, side.weights[i], image);
+                } else {
+                    pull(image, side.weights[i], own);
+                }
+            }
+        }
+        pulls
     }
 
     /// Settles the images of both sides in the present embeddings; those of landmarks are given.
@@ -483,6 +572,10 @@ fn first_images(
         images.vertex = found;
     }
     Ok(())
+}
+
+fn as_matrix(points: &[Point]) -> Mat<f64> {
+    Mat::from_fn(points.len(), 3, |i, c| points[i][c])
 }
 
 fn determinant(m: MatRef<'_, f64>) -> f64 {

@@ -2,4 +2,5 @@
 
 pub mod embedded_surface;
 pub mod propagation;
+pub mod rigid_surface;
 pub mod upsampling;

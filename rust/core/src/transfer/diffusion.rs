@@ -4,72 +4,28 @@ use faer::prelude::*;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 
+use crate::edge_weights::EdgeWeights;
 use crate::error::{Error, Result};
-use crate::mesh::Adjacency;
 use crate::transfer::surface::Surface;
-use crate::vector;
-
-/// Least weight of an edge. Cotangents below zero would let a filled value leave the range of its
-/// rim; with positive weights alone it cannot (the discrete maximum principle).
-const LEAST_EDGE_WEIGHT: f64 = 1e-2;
 
 /// Columns solved at a time: keeps memory small when there are hundreds of groups.
 pub const COLUMNS_A_SOLVE: usize = 32;
 
-/// Edge weights of a surface for averaging over neighbours.
+/// Averages over neighbours on a surface.
 #[derive(Debug)]
 pub struct Diffusion {
-    /// Neighbours of each vertex.
-    pub neighbours: Adjacency,
-    /// Weight of each entry of `neighbours`, positive.
-    pub weights: Vec<f64>,
+    /// Neighbours with the weights of their edges.
+    pub edges: EdgeWeights,
 }
 
 impl Diffusion {
-    /// Cotangent weights ½(cot α + cot β), not below a small positive number.
+    /// Edge weights of a surface. With positive ones a filled value stays in the range of its rim
+    /// (the discrete maximum principle).
     #[must_use]
     pub fn new(surface: &Surface) -> Self {
-        let mut halves: Vec<(u32, u32, f64)> = Vec::with_capacity(surface.triangles.len() * 6);
-        for (t, corners) in surface.triangles.iter().enumerate() {
-            let positions = surface.corners(t as u32);
-            let area = vector::norm(surface.cross(t as u32));
-            for k in 0..3 {
-                let (i, j) = ((k + 1) % 3, (k + 2) % 3);
-                let u = vector::sub(positions[i], positions[k]);
-                let v = vector::sub(positions[j], positions[k]);
-                let half = if area > 0.0 {
-                    vector::dot(u, v) / (2.0 * area)
-                } else {
-                    0.0
-                };
-                halves.push((corners[i], corners[j], half));
-                halves.push((corners[j], corners[i], half));
-            }
-        }
-        halves.sort_unstable_by_key(|&(a, b, _)| (a, b));
-        let mut pairs = Vec::new();
-        let mut weights = Vec::new();
-        for run in halves.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
-            if run[0].0 != run[0].1 {
-                pairs.push((run[0].0, run[0].1));
-                let sum: f64 = run.iter().map(|h| h.2).sum();
-                weights.push(sum.max(LEAST_EDGE_WEIGHT));
-            }
-        }
         Self {
-            neighbours: Adjacency::from_lists(surface.vertices.len(), pairs.iter().copied()),
-            weights,
+            edges: EdgeWeights::new(&surface.vertices, &surface.triangles),
         }
-    }
-
-    /// Neighbours of a vertex with their weights.
-    pub fn row(&self, v: usize) -> impl Iterator<Item = (u32, f64)> + '_ {
-        let begin = self.neighbours.starts[v] as usize;
-        self.neighbours
-            .row(v)
-            .iter()
-            .enumerate()
-            .map(move |(i, &w)| (w, self.weights[begin + i]))
     }
 
     /// Values `(n, channels)` in which those of `unknown` vertices are filled from the others.
@@ -82,7 +38,7 @@ impl Diffusion {
         channels: usize,
         unknown: &[bool],
     ) -> Result<Vec<f64>> {
-        let n = self.neighbours.starts.len() - 1;
+        let n = self.edges.len();
         if unknown.len() != n || values.len() != n * channels {
             return Err(Error::BadArgument {
                 what: format!(
@@ -110,11 +66,11 @@ impl Diffusion {
     /// # Errors
     /// [`Error::NotFactorised`], which positive weights rule out but for overflow.
     pub fn filling(&self, unknown: &[bool]) -> Result<Filling<'_>> {
-        let n = self.neighbours.starts.len() - 1;
+        let n = self.edges.len();
         // A piece of unknown vertices without a rim has nothing to be filled from.
         let mut reached = vec![false; n];
         let mut stack: Vec<u32> = (0..n)
-            .filter(|&v| unknown[v] && self.row(v).any(|(u, _)| !unknown[u as usize]))
+            .filter(|&v| unknown[v] && self.edges.row(v).any(|(u, _)| !unknown[u as usize]))
             .map(|v| v as u32)
             .collect();
         while let Some(v) = stack.pop() {
@@ -122,7 +78,8 @@ impl Diffusion {
                 continue;
             }
             stack.extend(
-                self.neighbours
+                self.edges
+                    .neighbours
                     .row(v as usize)
                     .iter()
                     .filter(|&&u| unknown[u as usize] && !reached[u as usize]),
@@ -136,7 +93,7 @@ impl Diffusion {
         let mut entries = Vec::new();
         for (i, &v) in vertices.iter().enumerate() {
             let mut diagonal = 0.0;
-            for (u, w) in self.row(v as usize) {
+            for (u, w) in self.edges.row(v as usize) {
                 diagonal += w;
                 let j = place[u as usize];
                 if j != u32::MAX && (j as usize) < i {
@@ -182,7 +139,7 @@ impl Filling<'_> {
     pub fn solve(&self, channels: usize, known: impl Fn(usize, usize) -> f64) -> Mat<f64> {
         let mut right = Mat::<f64>::zeros(self.vertices.len(), channels);
         for (i, &v) in self.vertices.iter().enumerate() {
-            for (u, w) in self.diffusion.row(v as usize) {
+            for (u, w) in self.diffusion.edges.row(v as usize) {
                 if self.place[u as usize] == u32::MAX {
                     for c in 0..channels {
                         right[(i, c)] += w * known(u as usize, c);

@@ -221,7 +221,7 @@ fn fill(
     // Only the groups on the rim can come in.
     let mut used = vec![false; groups];
     for &v in &vertices {
-        for &u in diffusion.neighbours.row(v as usize) {
+        for &u in diffusion.edges.neighbours.row(v as usize) {
             if !rejected[u as usize] {
                 for &(g, _) in &rows[u as usize] {
                     used[g as usize] = true;
@@ -264,12 +264,12 @@ fn smoothed(
         .map_init(
             || Accumulator::new(groups),
             |sum, v| {
-                let total: f64 = diffusion.row(v).map(|(_, w)| w).sum();
+                let total: f64 = diffusion.edges.row(v).map(|(_, w)| w).sum();
                 let own = if total > 0.0 { 1.0 - SHARE } else { 1.0 };
                 for &(g, w) in &rows[v] {
                     sum.add(g, own * w);
                 }
-                for (u, share) in diffusion.row(v) {
+                for (u, share) in diffusion.edges.row(v) {
                     for &(g, w) in &rows[u as usize] {
                         sum.add(g, SHARE * share / total * w);
                     }

@@ -1,0 +1,260 @@
+//! A surface that is drawn to given points and stays locally rigid.
+//!
+//! The low-passed surfaces of the spectral steps have no fingertips and stretch freely. Here every
+//! vertex keeps its place: xᵢ minimise Σ wᵢ‖xᵢ − yᵢ‖² + μ Σ wᵢⱼ‖(xᵢ − xⱼ) − Rᵢ(pᵢ − pⱼ)‖² with a
+//! rotation Rᵢ for each vertex, so that distances between neighbours resist a map that slides.
+//!
+//! # Source
+//! Sorkine, Alexa, "As-rigid-as-possible surface modeling", 2007, equations 7 (energy), 8
+//! (positions), 5 and 6 (rotations). These are found here as in Müller, Bender, Chentanez, Macklin,
+//! "A robust method to extract the rotational part of deformations", 2016.
+
+use faer::prelude::*;
+use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::{SparseColMat, Triplet};
+use faer::{Mat, Side};
+use rayon::prelude::*;
+
+use crate::edge_weights::EdgeWeights;
+use crate::error::{Error, Result};
+use crate::progress::Check;
+use crate::vector::{self, Point};
+
+/// Weight μ of rigidity; of the points together it is that of the pull, at unit area.
+const RIGIDITY: f64 = 2e-3;
+/// Rounds of rotations and positions a call.
+const ROUNDS: usize = 3;
+/// Steps of a rotation at most, and the angle below which it is found.
+const ROTATION_STEPS: usize = 30;
+const ROTATION_ACCURACY: f64 = 1e-6;
+/// Pull of vertices that are not drawn anywhere, to their own place: keeps the matrix regular.
+const LEAST_PULL: f64 = 1e-9;
+
+/// Columns of a rotation.
+type Rotation = [Point; 3];
+
+/// A surface on its way to given points.
+pub struct RigidSurface<'a> {
+    rest: &'a [Point],
+    edges: EdgeWeights,
+    symbolic: Option<SymbolicLlt<usize>>,
+    rotations: Vec<Rotation>,
+    /// Where the vertices are.
+    pub positions: Vec<Point>,
+}
+
+impl<'a> RigidSurface<'a> {
+    /// A surface at the given positions, which a rotation may have brought there.
+    #[must_use]
+    pub fn new(rest: &'a [Point], triangles: &[[u32; 3]], positions: Vec<Point>) -> Self {
+        Self {
+            edges: EdgeWeights::new(rest, triangles),
+            symbolic: None,
+            rotations: vec![[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]; rest.len()],
+            positions,
+            rest,
+        }
+    }
+
+    /// Moves towards Σ wᵢyᵢ / Σ wᵢ of each vertex: `pulls` are `[Σ w, Σ w y]`, `(n)`.
+    ///
+    /// # Errors
+    /// [`Error::NotFactorised`], [`Error::Cancelled`].
+    pub fn drawn_to(&mut self, pulls: &[(f64, Point)], check: Check<'_>) -> Result<()> {
+        check()?;
+        let factor = self.factor(pulls)?;
+        let n = self.rest.len();
+        for _ in 0..ROUNDS {
+            check()?;
+            self.turn();
+            let balance: Vec<Point> = (0..n)
+                .into_par_iter()
+                .map(|i| {
+                    let (weight, sum) = pulls[i];
+                    let own =
+                        vector::scaled(self.positions[i], LEAST_PULL - weight.min(LEAST_PULL));
+                    self.edges
+                        .row(i)
+                        .fold(vector::add(sum, own), |sum, (j, w)| {
+                            let edge = vector::sub(self.rest[i], self.rest[j as usize]);
+                            let here = turned(&self.rotations[i], edge);
+                            let there = turned(&self.rotations[j as usize], edge);
+                            vector::add(
+                                sum,
+                                vector::scaled(vector::add(here, there), 0.5 * RIGIDITY * w),
+                            )
+                        })
+                })
+                .collect();
+            let mut x = Mat::from_fn(n, 3, |i, c| balance[i][c]);
+            factor.solve_in_place(&mut x);
+            for (i, p) in self.positions.iter_mut().enumerate() {
+                *p = [0, 1, 2].map(|c| x[(i, c)]);
+            }
+        }
+        Ok(())
+    }
+
+    /// Factor of μW + diag(w).
+    fn factor(&mut self, pulls: &[(f64, Point)]) -> Result<Llt<usize, f64>> {
+        let failed = |reason: String| Error::NotFactorised { reason };
+        let n = self.rest.len();
+        let mut entries = Vec::with_capacity(n + self.edges.weights.len() / 2);
+        for (i, pull) in pulls.iter().enumerate() {
+            let mut diagonal = pull.0.max(LEAST_PULL);
+            for (j, w) in self.edges.row(i) {
+                diagonal += RIGIDITY * w;
+                if (j as usize) < i {
+                    entries.push(Triplet::new(i, j as usize, -RIGIDITY * w));
+                }
+            }
+            entries.push(Triplet::new(i, i, diagonal));
+        }
+        let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(n, n, &entries)
+            .map_err(|e| failed(format!("{e:?}")))?;
+        let symbolic = if let Some(known) = &self.symbolic {
+            known.clone()
+        } else {
+            let new = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
+                .map_err(|e| failed(format!("{e:?}")))?;
+            self.symbolic.insert(new).clone()
+        };
+        Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower)
+            .map_err(|e| failed(format!("{e:?}")))
+    }
+
+    /// The rotation around each vertex that fits its edges best.
+    fn turn(&mut self) {
+        let Self {
+            rest,
+            edges,
+            rotations,
+            positions,
+            ..
+        } = self;
+        rotations
+            .par_iter_mut()
+            .enumerate()
+            .for_each(|(i, rotation)| {
+                // Columns Σ w (xᵢ − xⱼ)(pᵢ − pⱼ)ᵀ.
+                let mut covariance = [[0.0; 3]; 3];
+                for (j, w) in edges.row(i) {
+                    let at_rest = vector::sub(rest[i], rest[j as usize]);
+                    let now = vector::sub(positions[i], positions[j as usize]);
+                    for (column, r) in covariance.iter_mut().zip(at_rest) {
+                        *column = vector::add(*column, vector::scaled(now, w * r));
+                    }
+                }
+                rotate_towards(rotation, &covariance);
+            });
+    }
+}
+
+/// R·v.
+fn turned(rotation: &Rotation, v: Point) -> Point {
+    let [a, b, c] = [0, 1, 2].map(|i| vector::scaled(rotation[i], v[i]));
+    vector::add(a, vector::add(b, c))
+}
+
+/// Turns R until tr(RᵀM) is largest, M given by columns.
+fn rotate_towards(rotation: &mut Rotation, columns: &[Point; 3]) {
+    for _ in 0..ROTATION_STEPS {
+        let (mut moment, mut aligned) = ([0.0; 3], 0.0);
+        for (r, m) in rotation.iter().zip(columns) {
+            moment = vector::add(moment, vector::cross(*r, *m));
+            aligned += vector::dot(*r, *m);
+        }
+        let least = f64::MIN_POSITIVE.sqrt();
+        let step = vector::scaled(moment, 1.0 / (aligned.abs() + least));
+        let angle = vector::norm(step);
+        if angle < ROTATION_ACCURACY || !angle.is_finite() {
+            break;
+        }
+        let axis = vector::scaled(step, 1.0 / angle);
+        let (sine, cosine) = angle.sin_cos();
+        for r in rotation.iter_mut() {
+            // Rodrigues' formula.
+            let along = vector::scaled(axis, (1.0 - cosine) * vector::dot(axis, *r));
+            let across = vector::scaled(vector::cross(axis, *r), sine);
+            *r = vector::add(vector::add(vector::scaled(*r, cosine), across), along);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A strip of a cylinder, which no rotation about its centre leaves as it is.
+    fn strip() -> (Vec<Point>, Vec<[u32; 3]>) {
+        let positions = (0..40)
+            .map(|i| {
+                let (along, around) = (f64::from(i / 4), f64::from(i % 4));
+                [0.3 * along, (0.7 * around).cos(), (0.7 * around).sin()]
+            })
+            .collect();
+        let triangles = (0..9u32)
+            .flat_map(|a| (0..3u32).map(move |b| 4 * a + b))
+            .flat_map(|v| [[v, v + 1, v + 4], [v + 1, v + 5, v + 4]])
+            .collect();
+        (positions, triangles)
+    }
+
+    /// Half a turn and more about a skew axis.
+    fn moved(p: Point) -> Point {
+        let (s, c) = 2.5f64.sin_cos();
+        let [x, y, z] = p;
+        let (x, y) = (c * x - s * y, s * x + c * y);
+        [x + 3.0, c * y - s * z, s * y + c * z]
+    }
+
+    #[test]
+    fn three_drawn_vertices_move_a_rigid_surface_as_a_whole() {
+        let (rest, triangles) = strip();
+        let there: Vec<Point> = rest.iter().map(|&p| moved(p)).collect();
+        let mut surface = RigidSurface::new(&rest, &triangles, there.clone());
+        let pulls: Vec<(f64, Point)> = (0..rest.len())
+            .map(|i| {
+                if [0, 3, 37].contains(&i) {
+                    (1.0, there[i])
+                } else {
+                    (0.0, [0.0; 3])
+                }
+            })
+            .collect();
+        surface
+            .drawn_to(&pulls, &|| Ok(()))
+            .expect("the matrix is regular");
+        for (x, y) in surface.positions.iter().zip(&there) {
+            // Rotations are exact to 1e-6, edges shorter than 2.
+            assert!(vector::distance(*x, *y) < 1e-5, "{x:?} {y:?}");
+        }
+    }
+
+    #[test]
+    fn noise_is_smoothed_without_shrinking() {
+        let (rest, triangles) = strip();
+        let noisy: Vec<Point> = rest
+            .iter()
+            .enumerate()
+            .map(|(i, p)| vector::add(*p, [0.0, 0.05 * (i as f64 * 2.4).sin(), 0.0]))
+            .collect();
+        let mut surface = RigidSurface::new(&rest, &triangles, noisy.clone());
+        // Weak against the rigidity.
+        let pulls: Vec<(f64, Point)> = noisy
+            .iter()
+            .map(|&y| (1e-5, vector::scaled(y, 1e-5)))
+            .collect();
+        surface
+            .drawn_to(&pulls, &|| Ok(()))
+            .expect("the matrix is regular");
+        let square = |points: &[Point]| -> f64 {
+            points
+                .iter()
+                .zip(&rest)
+                .map(|(x, y)| vector::distance(*x, *y).powi(2))
+                .sum()
+        };
+        assert!(square(&surface.positions) < 0.2 * square(&noisy));
+    }
+}
