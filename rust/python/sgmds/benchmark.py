@@ -25,6 +25,8 @@ RUNS = 5
 EIGENPAIRS = 200
 SOURCES = 20
 PEER_LIMIT_SECONDS = 120
+# Above, the kernels are not run on the given mesh, since a match runs them on a simplified one.
+LARGEST_FOR_KERNELS = 60_000
 # Growth is fitted from here on, where the fixed part of the work no longer counts most.
 FITTED_FROM = 45_000
 # Larger characters are finer meshes of one of this size.
@@ -37,6 +39,15 @@ PEERS = {
     "heat": f"potpourri3d heat method, {SOURCES} sources",
     "pyfmaps": "pyfmaps, the whole pair",
 }
+
+
+# Our counterparts of the component peers, and what the eigenpairs cannot do without.
+KERNELS = {
+    "our eigenpairs": f"eigenpairs, {EIGENPAIRS}, one shape",
+    "our solves": "as many sparse solves in blocks, nothing else",
+    "our marching": f"fast marching, {SOURCES} sources",
+}
+RATIOS = (("eigsh", "our eigenpairs"), ("our eigenpairs", "our solves"), ("fast marching", "our marching"))
 
 
 def run(
@@ -60,6 +71,9 @@ def run(
         report(text(records[-1]))
     for line in summary(records):
         report(line)
+    if peers:
+        for name, error in sphere_errors().items():
+            report(f"fast marching on a sphere, {name}: mean error {100 * error:.2f} %")
     return records
 
 
@@ -140,6 +154,8 @@ def measure(path: str, runs: int, peers: bool) -> None:
         for stage, seconds in stages.seconds.items():
             times["stage " + stage].append(seconds)
             peaks.setdefault(stage, stages.peaks[stage] - before)
+        if peers and len(source[0]) <= LARGEST_FOR_KERNELS:
+            _time_kernels(source, times)
         for peer in PEERS if peers else ():
             _time_peer(peer, path, times, threads)
     assert corr is not None
@@ -161,6 +177,57 @@ def measure(path: str, runs: int, peers: bool) -> None:
     # A peer that was stopped has no times.
     record |= {peer: None for peer in PEERS if peers and not times[peer]}
     print(json.dumps(record))
+
+
+def _time_kernels(mesh, times: dict) -> None:
+    from ._core import Kernels
+
+    vertices, faces = mesh
+    kernels = Kernels(np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64))
+    solves = 0
+
+    def eigenpairs():
+        nonlocal solves
+        solves = kernels.eigenpairs(EIGENPAIRS)[1]
+
+    work = {
+        "our eigenpairs": eigenpairs,
+        "our solves": lambda: kernels.bare_solves(solves),
+        "our marching": lambda: kernels.distances(_sources(mesh)),
+    }
+    for name, run_once in work.items():
+        started = time.perf_counter()
+        run_once()
+        times[name].append(time.perf_counter() - started)
+
+
+def _sources(mesh) -> list[int]:
+    return np.linspace(0, len(mesh[0]) - 1, SOURCES).astype(int).tolist()
+
+
+def sphere_errors(size: int = 10_000) -> dict[str, float]:
+    """Mean relative error of fast marching on an irregular sphere of about `size` vertices, where the
+    distance is an angle: ours and potpourri3d's."""
+    import potpourri3d
+    from scipy.spatial import ConvexHull
+
+    from ._core import Kernels
+
+    points = np.random.default_rng(0).normal(size=(size, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    faces = ConvexHull(points).simplices.astype(np.int64)
+    inward = np.linalg.det(points[faces]) < 0
+    faces[inward] = faces[inward, ::-1]
+    sources = _sources((points, faces))
+    solver = potpourri3d.MeshFastMarchingDistanceSolver(points, faces)
+    found = {
+        "ours": Kernels(points, np.ascontiguousarray(faces)).distances(sources),
+        "potpourri3d": np.stack([solver.compute_distance([[(s, [])]]) for s in sources], axis=1),
+    }
+    true = np.arccos(np.clip(points @ points[sources].T, -1, 1))
+    # Near a source every distance is short and a relative error says little.
+    far = true > 0.1
+    return {name: float((np.abs(d - true)[far] / true[far]).mean()) for name, d in found.items()}
 
 
 def _time_peer(peer: str, path: str, times: dict, threads: dict[str, int]) -> None:
@@ -205,6 +272,12 @@ def text(record: dict) -> str:
         if name.startswith("stage "):
             peak = record["stage_peaks_mb"][name[6:]]
             lines.append(f"    {name[6:]:<46} {seconds:8.3f} s, peak until then {peak:6.0f} MB")
+    for kernel, name in KERNELS.items():
+        if kernel in record:
+            lines.append(f"    kernel: {name:<48} {1000 * record[kernel]:8.1f} ms")
+    for slow, fast in RATIOS:
+        if record.get(slow) and record.get(fast):
+            lines.append(f"    {PEERS.get(slow, slow)} / {fast}: {record[slow] / record[fast]:.1f}")
     for peer, name in PEERS.items():
         if record.get(peer) is not None:
             ratio, threads = record[peer] / record["pair"], record["threads"][peer]
@@ -271,8 +344,8 @@ def _fast_marching(source, target):
 
     def work():
         solver = potpourri3d.MeshFastMarchingDistanceSolver(*source)
-        for vertex in np.linspace(0, len(source[0]) - 1, SOURCES).astype(int):
-            solver.compute_distance([[(int(vertex), [])]])
+        for vertex in _sources(source):
+            solver.compute_distance([[(vertex, [])]])
 
     return work
 
@@ -282,8 +355,8 @@ def _heat(source, target):
 
     def work():
         solver = potpourri3d.MeshHeatMethodDistanceSolver(*source)
-        for vertex in np.linspace(0, len(source[0]) - 1, SOURCES).astype(int):
-            solver.compute_distance(int(vertex))
+        for vertex in _sources(source):
+            solver.compute_distance(vertex)
 
     return work
 

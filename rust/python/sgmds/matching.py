@@ -14,7 +14,17 @@ from .errors import ArgumentError
 from .shape import Ids, Progress, Shape, checked_mesh
 
 METHODS = ("auto", "paper", "gmds", "functional-map")
-PARTS = ("geodesic", "orientation", "extrinsic", "rigid", "descriptors", "search", "vote", "upsampling", "retry")
+PARTS = (
+    "geodesic",
+    "orientation",
+    "extrinsic",
+    "rigid",
+    "descriptors",
+    "search",
+    "vote",
+    "upsampling",
+    "retry",
+)
 """Parts of the automatic method that can be left out."""
 
 

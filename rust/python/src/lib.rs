@@ -5,6 +5,7 @@
 )]
 
 mod errors;
+mod kernels;
 mod transfer;
 mod watched;
 
@@ -502,6 +503,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add_class::<PreparedShape>()?;
     module.add_class::<RawMatch>()?;
+    module.add_class::<kernels::Kernels>()?;
     module.add_function(wrap_pyfunction!(prepare, module)?)?;
     module.add_function(wrap_pyfunction!(restore, module)?)?;
     module.add_function(wrap_pyfunction!(match_pair, module)?)?;

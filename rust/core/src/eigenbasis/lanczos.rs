@@ -40,6 +40,16 @@ pub(super) struct RitzPairs {
     pub(super) solves: usize,
 }
 
+/// At least `count` solves with a factor, in the blocks of the iteration.
+pub(super) fn bare_solves(factor: &ShiftedFactor<'_>, count: usize) {
+    let n = factor.ordering().len();
+    let mut workspace = factor.workspace(BLOCK);
+    let mut block = Mat::from_fn(n, BLOCK, |i, j| noise((i * BLOCK + j) as u64));
+    for _ in 0..count.div_ceil(BLOCK) {
+        factor.solve_in_place(block.as_mut(), &mut workspace);
+    }
+}
+
 /// Krylov space of `M` on the complement of one known unit eigenvector.
 pub(super) struct BlockLanczos<'a> {
     factor: &'a ShiftedFactor<'a>,

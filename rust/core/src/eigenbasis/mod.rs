@@ -217,6 +217,19 @@ impl Eigenbasis {
     }
 }
 
+/// One factorisation and so many solves in blocks: what a shift-invert method cannot do without,
+/// for comparison with the whole.
+///
+/// # Errors
+/// [`Error::NotFactorised`].
+pub fn bare_solves(laplacian: &Laplacian, count: usize) -> Result<()> {
+    lanczos::bare_solves(
+        &factor_within_spectrum(laplacian, count, laplacian.mass.iter().sum(), &|| false)?,
+        count,
+    );
+    Ok(())
+}
+
 /// Factor of `W − sA` with `s` at about `FRACTION_BELOW` of the wanted spectrum.
 ///
 /// Starts from Weyl's `λ_j ≈ 4πj/area` and corrects by the count of eigenvalues below.
