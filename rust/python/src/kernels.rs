@@ -64,7 +64,7 @@ impl Kernels {
             distances_from(&self.marching, &sources, &|| progress.is_cancelled())
         })?;
         let wide = Mat::from_fn(found.nrows(), found.ncols(), |i, j| {
-            f64::from(found[(i, j)])
+            self.unit * f64::from(found[(i, j)])
         });
         matrix(py, wide.as_ref())
     }
