@@ -4,6 +4,7 @@
 import hashlib
 from dataclasses import dataclass
 
+import bpy
 import numpy as np
 
 from . import morph
@@ -121,9 +122,10 @@ def triangle_vertices(mesh):
     if 3 * len(mesh.polygons) == len(mesh.loops):
         return corner_vertices(mesh).reshape(-1, 3)
     mesh.calc_loop_triangles()
-    values = np.empty(len(mesh.loop_triangles) * 3, np.int32)
-    mesh.loop_triangles.foreach_get("vertices", values)
-    return values.reshape(-1, 3)
+    # Their corners are read faster than their vertices: 125 ms instead of 150 for 500,000 quads.
+    corners = np.empty(len(mesh.loop_triangles) * 3, np.int32)
+    mesh.loop_triangles.foreach_get("loops", corners)
+    return corner_vertices(mesh)[corners].reshape(-1, 3)
 
 
 def triangle_corners(mesh):
@@ -138,34 +140,55 @@ def triangle_corners(mesh):
 
 def fingerprint(mesh):
     """Recognise the mesh later: changes with its numbering, faces or coordinates, and with nothing else."""
+    return _fingerprint(positions(mesh), corner_vertices(mesh), face_starts(mesh))
+
+
+def _fingerprint(points, corners, starts):
     topology = hashlib.blake2b(digest_size=12)
-    topology.update(len(mesh.vertices).to_bytes(8, "little"))
-    topology.update(corner_vertices(mesh).tobytes())
-    topology.update(face_starts(mesh).tobytes())
-    shape = hashlib.blake2b(positions(mesh).tobytes(), digest_size=12)
+    topology.update(len(points).to_bytes(8, "little"))
+    topology.update(corners.tobytes())
+    topology.update(starts.tobytes())
+    shape = hashlib.blake2b(points.tobytes(), digest_size=12)
     return Fingerprint(topology.hexdigest(), shape.hexdigest())
 
 
-def read_surface(context, obj, *, evaluated=False, as_target=False):
-    """Read `obj` for the core: as modelled, or with `evaluated` as its modifiers and shape keys show it."""
+def reading(context, obj, *, evaluated=False, as_target=False):
+    """Read `obj` for the core: as modelled, or with `evaluated` as its modifiers and shape keys show it.
+
+    A generator of short steps, between which the window lives on; its value is the `Surface`. A mesh that is
+    edited meanwhile has another fingerprint in the end, because that is of what the first step read.
+    """
     check_usable(obj, as_target=as_target)
     mesh = obj.data
-    local = _evaluated_positions(context, obj) if evaluated else positions(mesh)
     placed = np.array(obj.matrix_world, np.float64)[:3, :3]
     if abs(np.linalg.det(placed)) < SMALLEST_VOLUME_SCALE:
         raise UnusableObjectError(
             f"'{obj.name}' is scaled to nothing along an axis. Give it a scale other than 0"
         )
+    name, object_uid, mesh_uid = obj.name, obj.session_uid, mesh.session_uid
+    modelled = positions(mesh), corner_vertices(mesh), face_starts(mesh)
+    local = _evaluated_positions(context, obj) if evaluated else modelled[0]
+    yield
+    triangles = triangle_vertices(_same_mesh(object_uid, mesh_uid, name))
+    yield
     return Surface(
-        name=obj.name,
-        object_uid=obj.session_uid,
-        mesh_uid=mesh.session_uid,
+        name=name,
+        object_uid=object_uid,
+        mesh_uid=mesh_uid,
         local=local,
         vertices=local.astype(np.float64) @ placed.T,
-        triangles=triangle_vertices(mesh),
+        triangles=triangles,
         mirrored=bool(np.linalg.det(placed) < 0.0),
-        fingerprint=fingerprint(mesh),
+        fingerprint=_fingerprint(*modelled),
     )
+
+
+def _same_mesh(object_uid, mesh_uid, name):
+    """The mesh that reading began with: the user may have deleted it between two steps."""
+    obj = find_object(bpy.data.objects, object_uid)
+    if obj is None or obj.type != "MESH" or obj.data.session_uid != mesh_uid:
+        raise UnusableObjectError(f"'{name}' was deleted or got another mesh while it was read. Match again")
+    return obj.data
 
 
 # Below this the object is flat or a point for single precision, whatever its size in view.

@@ -13,16 +13,18 @@ from .transfer import KINDS
 
 GRADE_ICONS = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
 GRADE_WORDS = {"green": "Good match", "amber": "Check this match", "red": "Poor match"}
+SWAPPED = "Left and right are swapped, as you asked"
 # What to do about it, by grade.
 ADVICE = {
     "green": "Nothing to do, unless you see something wrong",
     "amber": "Look where Confidence is yellow; compare the other maps",
     "red": "Try the other maps, then landmarks on hands, feet and head",
 }
+SWAP_BACK = "Press Swap Left and Right again for the map that the match chose by itself"
 # More results than these are listed a line each.
 MOST_BOXES = 3
 # Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
-PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 48, 12, 20
+PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 54, 14, 20
 # The button that hides a message, with the gap before it.
 CROSS_WIDTH = 34
 BIG = 1.6
@@ -204,6 +206,8 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         row = column.row()
         row.alert = not usable or stored.grade == "red"
         row.label(text=target.name, icon=GRADE_ICONS.get(stored.grade, "QUESTION") if usable else "ERROR")
+        if stored.swapped_sides:
+            row.label(text="", icon="MOD_MIRROR")
         share = row.row()
         share.alignment = "RIGHT"
         share.label(text=f"{stored.mean_confidence:.0%}" if usable else "match again")
@@ -228,6 +232,8 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         time.active = False
         time.label(text=f"{stored.seconds:.1f} s")
         box.progress(factor=stored.mean_confidence, text=f"Mean Confidence {stored.mean_confidence:.0%}")
+        if stored.swapped_sides:
+            draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
         for reason in stored.reasons.splitlines():
             draw_words(context, box, reason[:1].upper() + reason[1:], "DOT", boxed=True)
         if now.words:
@@ -301,7 +307,8 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         layout = self.layout
         settings = context.scene.spectral_match
         stored = pair.matched(context)[0].data.spectral_match
-        draw_words(context, layout, ADVICE.get(stored.grade, ADVICE["amber"]), "INFO")
+        advice = SWAP_BACK if stored.swapped_sides else ADVICE.get(stored.grade, ADVICE["amber"])
+        draw_words(context, layout, advice, "INFO")
         column = layout.column(align=True)
         row = column.row(align=True)
         row.operator("spectral_match.alternative", text="", icon="TRIA_LEFT").step = -1

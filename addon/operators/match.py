@@ -27,18 +27,9 @@ def redraw_sidebars(context):
 
 
 def reading(context, source, targets, *, swap_sides=False):
-    """Read one object a step, so that the window lives on between them; the generator's value is the job."""
+    """Read the objects in short steps, so that the window lives on; the generator's value is the job."""
     settings = context.scene.spectral_match
     evaluated = settings.shape == "EVALUATED"
-    source_surface = mesh_read.read_surface(context, source, evaluated=evaluated)
-    yield
-    surfaces, pairs, seen = [], {}, {source_surface.mesh_uid}
-    for target in targets:
-        pairs.setdefault(target.session_uid, landmarks.vertex_pairs(settings, source, target))
-        if target.data.session_uid not in seen:
-            seen.add(target.data.session_uid)
-            surfaces.append(mesh_read.read_surface(context, target, evaluated=evaluated, as_target=True))
-            yield
     wish = preferences.of(context)
     options = MatchOptions(
         method=wish.method,
@@ -48,6 +39,19 @@ def reading(context, source, targets, *, swap_sides=False):
         swap_sides=swap_sides,
         storage=preferences.storage(context),
     )
+    # All questions to objects and settings come before the first step: they may be gone after it.
+    wanted, pairs = {}, {}
+    for target in targets:
+        mesh_read.check_usable(target, as_target=True)
+        pairs.setdefault(target.session_uid, landmarks.vertex_pairs(settings, source, target))
+        if target.data != source.data:
+            wanted.setdefault(target.data.session_uid, (target.session_uid, target.name))
+    source_surface = yield from mesh_read.reading(context, source, evaluated=evaluated)
+    surfaces = []
+    for uid, name in wanted.values():
+        target = present(uid, name)
+        surfaces.append((yield from mesh_read.reading(context, target, evaluated=evaluated, as_target=True)))
+        yield
     return MatchJob(source_surface, surfaces, options, pairs)
 
 
@@ -89,13 +93,17 @@ def failure_words(failed):
     return f"'{failed.target.name}' was not matched: {core.explain(failed.error)}"
 
 
+def present(uid, name):
+    """The object with this session id; raises `UnusableObjectError` when it was deleted."""
+    obj = mesh_read.find_object(bpy.data.objects, uid)
+    if not pair.is_there(obj):
+        raise UnusableObjectError(f"'{name}' was deleted while the match was running. Undo, or match again")
+    return obj
+
+
 def find_unchanged(surface):
     """The object that a surface was read from; raises `UnusableObjectError` when it is another one now."""
-    obj = mesh_read.find_object(bpy.data.objects, surface.object_uid)
-    if not pair.is_there(obj):
-        raise UnusableObjectError(
-            f"'{surface.name}' was deleted while the match was running. Undo, or match again"
-        )
+    obj = present(surface.object_uid, surface.name)
     if obj.type != "MESH" or obj.data.session_uid != surface.mesh_uid:
         raise UnusableObjectError(f"'{obj.name}' got another mesh since it was read. Match again")
     if obj.mode == "EDIT":
@@ -246,6 +254,7 @@ def summary(targets, wanted, transferred):
     return (
         f"Matched '{targets[0].name}' in {stored.seconds:.1f} s, "
         f"mean confidence {stored.mean_confidence:.0%}, grade {stored.grade}"
+        + (", left and right swapped" if stored.swapped_sides else "")
     )
 
 

@@ -6,6 +6,7 @@ import time
 import bpy
 import pytest
 
+from addon import mesh_read
 from addon.mesh_read import UnusableObjectError
 from addon.operators.match import reading, store, value_of
 
@@ -60,6 +61,40 @@ def test_edited_target_is_said(job):
     bpy.data.objects["Target"].data.vertices[0].co.x += 0.5
     targets, trouble = store(bpy.context, job)
     assert not targets and "edited" in trouble[0]
+
+
+def after_steps(generator, many):
+    """Whether the generator lives on after so many steps."""
+    return all(next(generator, None) is None and generator.gi_frame for _ in range(many))
+
+
+@pytest.mark.parametrize("name", ["Source", "Target"])
+def test_deleted_while_it_is_read_is_said(pair, name):
+    """Reading pauses between its steps for the window, where anything can happen."""
+    source, target, _ = pair
+    generator = reading(bpy.context, source, [target])
+    next(generator)
+    bpy.data.objects.remove(bpy.data.objects[name])
+    with pytest.raises(UnusableObjectError, match=f"'{name}' was deleted"):
+        value_of(generator)
+
+
+def test_edited_while_it_is_read_is_said(pair):
+    """Whatever step an edit falls between: a match of what is not there any more is never stored."""
+    source, target, _ = pair
+    refused = 0
+    for steps in range(1, 20):
+        generator = reading(bpy.context, source, [target])
+        if not after_steps(generator, steps):
+            break
+        target.data.vertices[0].co.x += 0.5
+        found = value_of(generator)
+        now = mesh_read.fingerprint(target.data)
+        refused += found.targets[0].fingerprint != now
+        assert (found.targets[0].fingerprint == now) == (
+            found.targets[0].local == mesh_read.positions(target.data)
+        ).all()
+    assert refused > 0
 
 
 def test_missing_core_is_a_message(job, monkeypatch):

@@ -8,6 +8,7 @@ from conftest import choose, lumpy, new_object
 
 from addon import mesh_read, notice, stored_match
 from addon.mesh_write import read_attribute
+from addon.operators.match import summary
 
 LAYOUT = {
     "match_color": ("FLOAT_COLOR", "POINT"),
@@ -243,9 +244,11 @@ def test_swapped_sides_mirror_the_map(pair):
     direct = values(target, "match_position").copy()
     assert bpy.ops.spectral_match.swap_sides() == {"FINISHED"}
     assert target.data.spectral_match.swapped_sides
+    assert "swapped" in summary([target], 1, False)
     assert np.linalg.norm(values(target, "match_position") - direct, axis=1).mean() > COPY_ERROR
     assert bpy.ops.spectral_match.swap_sides() == {"FINISHED"}
     np.testing.assert_allclose(values(target, "match_position"), direct, atol=1e-5)
+    assert "swapped" not in summary([target], 1, False)
 
 
 def add_stretched_key(obj):
