@@ -22,6 +22,8 @@ from sgmds import characters
 TEXTURE = 1024
 UV_TEXELS = 2048
 METHODS = ("nearest", "modifier", "ours")
+# What the map cannot better: transfer along the known map, and the source itself.
+REFERENCES = ("true map", "source")
 
 
 class Side:
@@ -169,6 +171,56 @@ def cell_of(uv, columns):
     return np.floor(uv * columns).astype(int)
 
 
+TURN = 0.6
+"""Width of a full turn around a bone in an island's cell."""
+
+
+class Chart:
+    """The islands of a layout in UV, one for each cell that has triangles."""
+
+    # Corners, middles of the edges, middle.
+    WEIGHTS = np.array(
+        [[1, 0, 0], [0, 1, 0], [0, 0, 1], [0.5, 0.5, 0], [0, 0.5, 0.5], [0.5, 0, 0.5], [1 / 3] * 3]
+    )
+    INSIDE = 1e-6
+
+    def __init__(self, uv, columns):
+        flat = np.concatenate([uv.reshape(-1, 2), np.zeros((3 * len(uv), 1))], axis=1)
+        rows = np.arange(len(flat)).reshape(-1, 3).tolist()
+        self._tree = BVHTree.FromPolygons(flat.tolist(), rows, all_triangles=True)
+        self._island = cell_of(uv.mean(axis=1), columns) @ (1, columns)
+        self._turn = TURN / columns
+
+    def _shows(self, places):
+        """The islands on which places lie; a place between islands shows none."""
+        found = (self._tree.find_nearest((*place, 0.0)) for place in places.tolist())
+        return {self._island[face] for _, _, face, away in found if away < self.INSIDE}
+
+    def over_two(self, uv):
+        """How many triangles show parts of two islands."""
+        return sum(len(self._shows(self.WEIGHTS @ triangle)) > 1 for triangle in uv)
+
+    def over_a_cut(self, uv):
+        """Which triangles go the long way around their bone, over the cut that opens it."""
+        around = np.sort(uv[..., 0] % self._turn, axis=1)
+        gaps = np.concatenate([np.diff(around, axis=1), around[:, :1] + self._turn - around[:, 2:]], axis=1)
+        return np.ptp(uv[..., 0], axis=1) > self._turn - gaps.max(axis=1) + CUT_ROOM * self._turn
+
+
+CUT_ROOM = 0.1
+"""Share of a turn by which the long way is longer before it counts: near half a turn both are as good."""
+
+
+def true_map(source, target, given, taker):
+    """The map that both bodies' addresses give, and the target's vertices where it is exact."""
+    exact, places = characters.truth(taker, given)
+    points = given.body.surface_point(taker.part, taker.axial, taker.angle)
+    points[exact] = places
+    return sgmds.SurfaceMap(
+        source.mesh, target.mesh, *nearest_map(source, Side(points, target.faces, None))
+    ), exact
+
+
 def characters_table(kind, builds, poses, size):
     """Figures of one pair of generated characters: {what: {method: figure}}."""
     given = characters.make(kind, builds[0], poses[0], size, seed=0)
@@ -180,9 +232,10 @@ def characters_table(kind, builds, poses, size):
         "ours": sgmds.SurfaceMap.of(corr, source.mesh, target.mesh),
         "nearest": sgmds.SurfaceMap(source.mesh, target.mesh, *nearest_map(source, target)),
     }
+    true, exact = true_map(source, target, given, taker)
     modifier_weights, modifier_uv = data_transfer(source, target)
     weights = {name: carried_weights(way, source) for name, way in ways.items()}
-    weights["modifier"] = modifier_weights
+    weights |= {"modifier": modifier_weights, "true map": carried_weights(true, source)}
     figures = {}
 
     def note(what, method, figure):
@@ -198,6 +251,8 @@ def characters_table(kind, builds, poses, size):
         posed = pose(target.vertices, found / np.maximum(found.sum(axis=1, keepdims=True), 1e-9))
         away = np.linalg.norm(posed - true_pose, axis=1) / target.size
         note("deformation error after posing, % of size", name, 100 * away.mean())
+        known_mean, _ = weight_errors(found[exact], target.weights[exact])
+        note("weight error where the map is known, mean %", name, known_mean)
         note("weight rows, largest error of the sum", name, np.abs(found.sum(axis=1) - 1).max())
 
     columns = int(np.ceil(np.sqrt(len(given.body.names))))
@@ -207,6 +262,7 @@ def characters_table(kind, builds, poses, size):
     part = cell_of(taker.uv.mean(axis=1), columns) @ (1, columns)
     known = (taker.addressed[taker.faces] & (taker.part[taker.faces] == part[:, None])).all(axis=1)
     straddling = layouts["ours"].straddles
+    chart = Chart(source.uv, columns)
     for name, uv in found_uv.items():
         same = known & (cell_of(uv.mean(axis=1), columns) @ (1, columns) == part)
         step = uv - taker.uv
@@ -214,9 +270,8 @@ def characters_table(kind, builds, poses, size):
         far = np.linalg.norm(step, axis=-1).mean(axis=1) * UV_TEXELS
         note("UV error away from seams, texels of 2K", name, far[same & ~straddling].mean())
         note("UV error at seams, texels of 2K", name, far[same & straddling].mean())
-        # An island is at most 0.96 of its cell wide, and 0.6 where its bone is known.
-        wide = np.ptp(uv, axis=1).max(axis=1) * columns
-        note("triangles over two islands or a cut", name, ((wide > 0.96) | (known & (wide > 0.3))).sum())
+        note("triangles over two islands", name, chart.over_two(uv))
+        note("triangles over a cut", name, chart.over_a_cut(uv)[known].sum())
 
     field, truth = bulges(given), bulges(taker)
     asked = taker.addressed
@@ -366,9 +421,9 @@ def folder_tables(folder):
 
 
 def text(title, figures):
-    lines = [f"\n{title}", f"{'':46} " + " ".join(f"{name:>10}" for name in (*METHODS, "source"))]
+    lines = [f"\n{title}", f"{'':46} " + " ".join(f"{name:>10}" for name in (*METHODS, *REFERENCES))]
     for what, row in figures.items():
-        cells = (f"{row[name]:10.4g}" if name in row else f"{'–':>10}" for name in (*METHODS, "source"))
+        cells = (f"{row[name]:10.4g}" if name in row else f"{'–':>10}" for name in (*METHODS, *REFERENCES))
         lines.append(f"{what:46} " + " ".join(cells))
     return "\n".join(lines)
 

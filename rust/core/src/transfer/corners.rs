@@ -305,14 +305,40 @@ impl Search<'_> {
                 break;
             }
         }
-        let (_, seed) = best.expect("there is a sample at the centre");
+        let (_, mut seed) = best.expect("there is a sample at the centre");
         if patch.triangles.first() != Some(&seed.face) {
             self.gather(seed, centre, radius, patch);
+        }
+        if self.extrapolate && patch.bordered {
+            seed = self.middle(seed, corners, patch);
         }
         corners
             .iter()
             .map(|&v| self.corner(v, &seed, patch))
             .collect()
+    }
+
+    /// The seed or a corner's place in the patch, whichever foretells most corners.
+    ///
+    /// Where a face cuts through a thin limb, the place nearest to its centre may lie behind all
+    /// of its corners.
+    fn middle(&self, seed: SurfacePoint, corners: &[u32], patch: &Patch) -> SurfacePoint {
+        let own: Vec<SurfacePoint> = corners
+            .iter()
+            .filter_map(|&v| self.own_side(&self.map.points[v as usize], patch))
+            .collect();
+        let foretells = |a: &SurfacePoint| own.iter().filter(|b| self.foretold(a, b)).count();
+        let mut best = (foretells(&seed), seed);
+        for place in &own {
+            if best.0 == corners.len() {
+                break;
+            }
+            let count = foretells(place);
+            if count > best.0 {
+                best = (count, *place);
+            }
+        }
+        best.1
     }
 
     /// Collects the triangles within reach of `centre` that hang together with the seed's.
@@ -356,7 +382,7 @@ impl Search<'_> {
             };
         }
         CornerPlace {
-            point: self.continued(self.map.images()[vertex as usize], patch),
+            point: self.continued(self.map.images()[vertex as usize], seed, patch),
             displaced: true,
         }
     }
@@ -425,8 +451,11 @@ impl Search<'_> {
             .fold(0.0, f64::max)
     }
 
-    /// The nearest place to `goal` in the patch, continued in its triangle's plane where wanted.
-    fn continued(&self, goal: Point, patch: &Patch) -> SurfacePoint {
+    /// The nearest place to `goal` on the seed's side, continued in its triangle's plane where wanted.
+    ///
+    /// A patch that reaches around a limb has both sides of a border: places whose values the
+    /// seed does not foretell lie on the other one.
+    fn continued(&self, goal: Point, seed: &SurfacePoint, patch: &Patch) -> SurfacePoint {
         let source = &self.map.source;
         let usable = |t: u32| {
             let corners = source.corners(t);
@@ -435,24 +464,30 @@ impl Search<'_> {
                 .fold(0.0, f64::max);
             vector::norm(source.cross(t)) > 2.0 * SLIVER * longest * longest
         };
-        let nearest = |only_usable: bool| {
-            patch
-                .triangles
-                .iter()
-                .filter(|&&t| !only_usable || usable(t))
-                .map(|&face| {
-                    let (distance, weights) = source.to_triangle(goal, face);
-                    (distance, SurfacePoint { face, weights })
-                })
-                .min_by(|a, b| a.0.total_cmp(&b.0))
-        };
-        let (_, mut place) = nearest(self.extrapolate)
-            .or_else(|| nearest(false))
-            .expect("a patch holds its seed");
-        if self.extrapolate && usable(place.face) {
-            place.weights = plane_weights(source, place.face, goal);
+        let mut places: Vec<(f64, SurfacePoint)> = patch
+            .triangles
+            .iter()
+            .map(|&face| {
+                let (distance, weights) = source.to_triangle(goal, face);
+                (distance, SurfacePoint { face, weights })
+            })
+            .collect();
+        places.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut here = places
+            .into_iter()
+            .map(|(_, place)| place)
+            .filter(|place| !self.extrapolate || !patch.bordered || self.foretold(seed, place));
+        let nearest = here.next().unwrap_or(*seed);
+        if !self.extrapolate {
+            return nearest;
         }
-        place
+        let widest = std::iter::once(nearest)
+            .chain(here)
+            .find(|place| usable(place.face));
+        widest.map_or(nearest, |place| SurfacePoint {
+            face: place.face,
+            weights: plane_weights(source, place.face, goal),
+        })
     }
 }
 

@@ -3,8 +3,11 @@
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
+use rayon::prelude::*;
+
 use crate::error::Result;
-use crate::transfer::corners::{self, CornerValues, Polygons};
+use crate::transfer::corners::{self, CornerPlace, CornerValues, Polygons};
+use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
 use crate::transfer::unions::Unions;
 use crate::vector::{self, Point};
@@ -44,8 +47,9 @@ pub fn carried_layout(
         channels: 2,
         tolerance: UV_ROUNDING,
     };
-    let places = corners::corner_places(map, faces, &values, true)?;
+    let mut places = corners::corner_places(map, faces, &values, true)?;
     let islands = corners::islands(&map.source, &values.open(&map.source));
+    hold_back(map, faces, source_uv, &islands, &mut places)?;
     let flat = corners::corner_values(&places, &values);
     let mut uv: Vec<[f64; 2]> = flat.chunks_exact(2).map(|c| [c[0], c[1]]).collect();
     let displaced: Vec<bool> = places.iter().map(|p| p.displaced).collect();
@@ -60,6 +64,43 @@ pub fn carried_layout(
             .map(|mut r| r.any(|corner| displaced[corner]))
             .collect(),
     })
+}
+
+/// Takes corners that were extrapolated onto another island of the chart back to the border of
+/// their own, so that no face shows two islands. Where islands lie over each other in UV, a corner
+/// that is on its own as well stays.
+fn hold_back(
+    map: &SurfaceMap,
+    faces: &Polygons,
+    source_uv: &[[f64; 2]],
+    islands: &[u32],
+    places: &mut [CornerPlace],
+) -> Result<()> {
+    let flat = source_uv.iter().map(|c| [c[0], c[1], 0.0]).collect();
+    let triangles: Vec<[i64; 3]> = (0..source_uv.len() as i64 / 3)
+        .map(|t| [0, 1, 2].map(|k| 3 * t + k))
+        .collect();
+    let chart = Surface::new(flat, &triangles)?;
+    places
+        .par_iter_mut()
+        .zip(&faces.vertices)
+        .filter(|(place, _)| place.displaced)
+        .for_each(|(place, &vertex)| {
+            let face = place.point.face;
+            let at = chart.position(&place.point);
+            let covers = |own: bool| {
+                chart
+                    .nearest_where(at, None, |t| {
+                        (islands[t as usize] == islands[face as usize]) == own
+                    })
+                    .is_some_and(|p| vector::distance(chart.position(&p), at) <= UV_ROUNDING)
+            };
+            if !covers(true) && covers(false) {
+                let image = map.images()[vertex as usize];
+                place.point.weights = map.source.to_triangle(image, face).1;
+            }
+        });
+    Ok(())
 }
 
 /// Gives corners that neighbouring faces place almost alike one common UV.
@@ -273,6 +314,61 @@ mod tests {
             }
             assert_eq!(counts.iter().flatten().sum::<i32>(), 64);
             assert!(counts.iter().flatten().all(|&n| n <= 1));
+        }
+    }
+
+    /// A band of squares two to a unit, cut into triangles; `shift` moves its inner columns.
+    fn band(columns: usize, shift: f64) -> (Vec<Point>, Vec<[i64; 3]>) {
+        let vertices = (0..2 * (columns + 1))
+            .map(|i| {
+                let (x, y) = ((i / 2) as f64, (i % 2) as f64);
+                let inner = i / 2 > 0 && i / 2 < columns;
+                let x = 2.0 * x / columns as f64 + if inner { shift } else { 0.0 };
+                [x, y, 0.0]
+            })
+            .collect();
+        let triangles = (0..columns as i64)
+            .flat_map(|c| {
+                let i = 2 * c;
+                [[i, i + 2, i + 3], [i, i + 3, i + 1]]
+            })
+            .collect();
+        (vertices, triangles)
+    }
+
+    #[test]
+    fn a_face_beside_a_seam_does_not_reach_into_the_island_beyond_it() {
+        // Left half to u < 1, right half turned round to 1 < u < 2: the islands touch in UV at u = 1,
+        // where the left one has its seam and the right one its far end.
+        let (vertices, triangles) = band(8, 0.0);
+        let source_uv: Vec<[f64; 2]> = triangles
+            .iter()
+            .flat_map(|t| {
+                let corners = t.map(|v| vertices[v as usize]);
+                let right = corners.iter().map(|p| p[0]).sum::<f64>() > 3.0;
+                corners.map(|p| [if right { 3.0 - p[0] } else { p[0] }, p[1]])
+            })
+            .collect();
+        let (moved, other) = band(8, 0.1);
+        let surface = Surface::new(vertices, &triangles).expect("two triangles a square");
+        let (faces, weights): (Vec<i64>, Vec<[f64; 3]>) = moved
+            .iter()
+            .map(|&p| {
+                let point = surface.nearest(p);
+                (i64::from(point.face), point.weights)
+            })
+            .unzip();
+        let starts: Vec<i64> = (0..=other.len() as i64).map(|f| 3 * f).collect();
+        let target = Surface::new(moved.clone(), &other).expect("two triangles a square");
+        let polygons = Polygons::new(&starts, other.as_flattened(), &target).expect("triangles");
+        let sure = vec![1.0; moved.len()];
+        let map = SurfaceMap::new(surface, target, &faces, &weights, sure).expect("a plain map");
+        let layout = carried_layout(&map, &polygons, &source_uv).expect("three corners each");
+        assert!(layout.straddles.iter().any(|&s| s));
+        for (face, uv) in layout.uv.chunks_exact(3).enumerate() {
+            let left = uv.iter().all(|c| c[0] <= 1.0 + UV_ROUNDING);
+            let right = uv.iter().all(|c| c[0] >= 1.0 - UV_ROUNDING);
+            assert!(left || right, "face {face}: {uv:?}");
         }
     }
 
