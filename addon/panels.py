@@ -20,11 +20,11 @@ ADVICE = {
     "amber": "Look where Confidence is yellow; compare the other maps",
     "red": "Try the other maps, then landmarks on hands, feet and head",
 }
-SWAP_BACK = "Press Swap Left and Right again for the map that the match chose by itself"
+SWAP_BACK = "Press Swap Left and Right again to go back"
 # More results than these are listed a line each.
 MOST_BOXES = 3
 # Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
-PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 54, 14, 20
+PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 60, 10, 20
 # The button that hides a message, with the gap before it.
 CROSS_WIDTH = 34
 BIG = 1.6
