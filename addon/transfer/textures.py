@@ -52,8 +52,10 @@ def _own_layout(route, options):
 
 def _bake(route, node, target_uv, options):
     image = node.image
-    pixels = read_pixels(image)
-    height, width = pixels.shape[:2]
+    tiled = image.source == "TILED"
+    pixels, place = read_tiles(image) if tiled else (read_pixels(image), WHOLE)
+    # As large as one tile, since the baked image is a single one.
+    height, width = (np.array(pixels.shape[:2]) / place[1][::-1]).astype(int).tolist()
     if options.bake_size != "SOURCE":
         width = height = int(options.bake_size)
     source_uv = _uv_of(route.source, node)
@@ -67,7 +69,7 @@ def _bake(route, node, target_uv, options):
     progress = _progress()
     try:
         return route.map.bake(
-            read_uv(route.source.data, source_uv)[route.triangle_corners],
+            (read_uv(route.source.data, source_uv)[route.triangle_corners] - place[0]) / place[1],
             read_uv(route.target.data, target_uv)[target_corners],
             pixels,
             width,
@@ -91,12 +93,50 @@ def _progress():
     return report
 
 
+# Where a picture begins in UV, and over how many units it goes.
+WHOLE = np.zeros(2), np.ones(2)
+FIRST_TILE, TILES_IN_A_ROW = 1001, 10
+
+
+def read_tiles(image):
+    """All tiles of a UDIM image as one picture, and where in UV it lies: (begin, extent)."""
+    numbers = np.array([tile.number for tile in image.tiles]) - FIRST_TILE
+    cells = np.stack([numbers % TILES_IN_A_ROW, numbers // TILES_IN_A_ROW], axis=1)
+    tiles = [_read_tile(image, number + FIRST_TILE) for number in numbers.tolist()]
+    if len({tile.shape for tile in tiles}) > 1:
+        raise UnusableObjectError(f"The tiles of image '{image.name}' differ in size. Scale them to one size")
+    height, width = tiles[0].shape[:2]
+    begin = cells.min(axis=0)
+    extent = cells.max(axis=0) - begin + 1
+    whole = np.zeros((extent[1] * height, extent[0] * width, 4), np.float32)
+    for (column, row), tile in zip((cells - begin).tolist(), tiles, strict=True):
+        whole[row * height : (row + 1) * height, column * width : (column + 1) * width] = tile
+    return whole, (begin.astype(float), extent.astype(float))
+
+
+def _read_tile(image, number):
+    # Blender gives scripts the pixels of the first tile alone: the others are read from their files.
+    path = bpy.path.abspath(image.filepath_raw.replace("<UDIM>", str(number)), library=image.library)
+    try:
+        tile = bpy.data.images.load(path)
+    except RuntimeError:
+        raise UnusableObjectError(
+            f"Tile {number} of image '{image.name}' is not at {path}. Save the image's tiles to files first"
+        ) from None
+    try:
+        tile.colorspace_settings.name = image.colorspace_settings.name
+        tile.alpha_mode = image.alpha_mode
+        return read_pixels(tile)
+    finally:
+        bpy.data.images.remove(tile)
+
+
 def read_pixels(image):
     """Texels (height, width, 4), rows from the bottom, in the image's own colour space."""
-    if image.source in {"TILED", "SEQUENCE", "MOVIE"}:
+    if image.source in {"SEQUENCE", "MOVIE"}:
         raise UnusableObjectError(
-            f"Image '{image.name}' has tiles or frames; only single images can be baked. "
-            "Leave it out, or replace it with a single image"
+            f"Image '{image.name}' has frames; only still images can be baked. "
+            "Leave it out, or replace it with a still image"
         )
     width, height = image.size
     if not image.has_data and not image.pixels:

@@ -11,6 +11,7 @@ from test_transfer import ball, store_map, store_nearest, transfer, weights_of, 
 from addon import mesh_read
 from addon.mesh_write import read_attribute, write_attribute
 from addon.transfer.shape_keys import read_key
+from addon.transfer.uv_maps import read_uv
 
 
 def store_copy(source, target, old):
@@ -237,20 +238,22 @@ def psnr(a, b):
     return 10 * np.log10(1.0 / np.mean((a - b) ** 2))
 
 
-def rebaked(copies, scene, pixels, normal_map=False):
+def rebaked(copies, scene, pixels, normal_map=False, exchange=None):
     """The texture baked onto the copy, in the copy's own numbering of faces but the same layout."""
     source, target, old, _ = copies
     uv_cube(source)
     source.data.uv_layers.active = source.data.uv_layers[0]
     image = give_texture(source, pixels, normal_map)
+    before = read_uv(source.data, source.data.uv_layers[0].name)
+    if exchange is not None:
+        image = exchange(source)
     place = {frozenset(face.vertices): face for face in source.data.polygons}
     layer = target.data.uv_layers.new(name="Own")
-    uv = source.data.uv_layers[0].uv
     for face in target.data.polygons:
         twin = place[frozenset(old[list(face.vertices)].tolist())]
         at = dict(zip(twin.vertices, twin.loop_indices, strict=True))
         for corner, vertex in zip(face.loop_indices, face.vertices, strict=True):
-            u, v = uv[at[old[vertex]]].vector
+            u, v = before[at[old[vertex]]]
             # The copy's layout is the source's, turned by a right angle.
             layer.uv[corner].vector = (v, 1.0 - u)
     transfer(source, target, kinds="textures", bake_margin=4)
@@ -277,6 +280,42 @@ def test_a_texture_baked_onto_a_renumbered_copy_is_the_same_picture(copies, scen
     inside = covered(copies, 384)
     assert psnr(baked[inside][:, :3], pixels[inside][:, :3]) > 40.0
     assert (baked[inside][:, 3] == 1.0).all()
+
+
+def test_tiles_are_baked_as_one_picture(copies, scene, tmp_path):
+    """A picture over two tiles, two texels of it for each texel of the baked one."""
+    wide = photo(768)[::2]
+
+    def tiled(source):
+        for number, part in ((1001, wide[:, :384]), (1002, wide[:, 384:])):
+            tile = bpy.data.images.new("Tile", 384, 384)
+            tile.pixels.foreach_set(np.ascontiguousarray(part).ravel())
+            tile.filepath_raw, tile.file_format = str(tmp_path / f"skin.{number}.png"), "PNG"
+            tile.save()
+        image = bpy.data.images.load(str(tmp_path / "skin.1001.png"))
+        image.source, image.filepath = "TILED", str(tmp_path / "skin.<UDIM>.png")
+        if len(image.tiles) < 2:
+            image.tiles.new(1002)
+        source.data.materials[0].node_tree.nodes["Image Texture"].image = image
+        layer = source.data.uv_layers[0]
+        uv = read_uv(source.data, layer.name) * (2.0, 1.0)
+        layer.uv.foreach_set("vector", uv.astype(np.float32).ravel())
+        return image
+
+    expected = (wide[:, ::2] + wide[:, 1::2]) / 2
+    baked, _ = rebaked(copies, scene, expected, exchange=tiled)
+    inside = covered(copies, 384)
+    assert psnr(baked[inside][:, :3], expected[inside][:, :3]) > 35.0
+
+
+def test_a_missing_tile_is_refused_in_words(copies, tmp_path):
+    source, target, _, _ = copies
+    uv_cube(source)
+    image = give_texture(source, photo(32))
+    image.source, image.filepath = "TILED", str(tmp_path / "skin.<UDIM>.png")
+    target.data.uv_layers.new(name="Own")
+    with pytest.raises(RuntimeError, match="Tile 1001 of image .* Save the image's tiles"):
+        transfer(source, target, kinds="textures")
 
 
 def normals_in_space(obj, uv, pixels):
