@@ -250,7 +250,7 @@ def characters_table(kind, builds, poses, size):
         note("weight error, 95 % quantile", name, most)
         posed = pose(target.vertices, found / np.maximum(found.sum(axis=1, keepdims=True), 1e-9))
         away = np.linalg.norm(posed - true_pose, axis=1) / target.size
-        note("deformation error after posing, % of size", name, 100 * away.mean())
+        note(DEFORMATION, name, 100 * away.mean())
         known_mean, _ = weight_errors(found[exact], target.weights[exact])
         note("weight error where the map is known, mean %", name, known_mean)
         note("weight rows, largest error of the sum", name, np.abs(found.sum(axis=1) - 1).max())
@@ -298,7 +298,7 @@ def characters_table(kind, builds, poses, size):
     bend = pose.turn
     own = fitted(target.vertices, weights["ours"], bend)
     reference = Rig(given.body, given.body.starts)(source.vertices, source.weights, bend)
-    for what, measure in (("volume", volume), ("mean edge length", edge_length)):
+    for what, measure in MEASURES:
         note(
             f"rig: {what} after posing, % of rest",
             "ours",
@@ -345,6 +345,10 @@ def edge_length(points, side):
     return np.linalg.norm(points[side.faces] - points[np.roll(side.faces, 1, axis=1)], axis=-1).mean()
 
 
+DEFORMATION = "deformation error after posing, % of size"
+MEASURES = (("volume", volume), ("mean edge length", edge_length))
+
+
 def copy_table(size):
     """A character and its turned, renumbered copy, matched: every texture comes back."""
     given = characters.make("biped", "plain", "wave", size, seed=0)
@@ -371,6 +375,33 @@ def copy_table(size):
     figures["shape keys: still vertices that moved"] = {"ours": int(moved[still].any(axis=1).sum())}
     figures["weight error, mean %"] = {"ours": weight_errors(carried_weights(way, source), target.weights)[0]}
     return figures
+
+
+SHAKE = np.radians(20.0)
+"""By which every bone turns about its own middle: a pose for bodies that come without a skeleton."""
+
+
+def shaken(points, weights, centres, turns):
+    """Linear blend skinning with each bone turned about its centre."""
+    moved = np.einsum("bij,nbj->nbi", turns, points[:, None] - centres) + centres
+    return np.einsum("nb,nbi->ni", weights, moved)
+
+
+def bone_centres(side):
+    """Middle of what each bone moves; that of the body for a bone which moves nothing."""
+    total = side.weights.sum(axis=0)
+    sums = side.weights.T @ side.vertices
+    return np.where(total[:, None] > 0, sums / np.maximum(total, 1e-12)[:, None], side.vertices.mean(axis=0))
+
+
+def bone_turns(count):
+    """A turn by `SHAKE` about an axis of its own for each bone."""
+    axes = np.random.default_rng(0).normal(size=(count, 3))
+    axes /= np.linalg.norm(axes, axis=1, keepdims=True)
+    cross = np.zeros((count, 3, 3))
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        cross[:, i, j], cross[:, j, i] = -axes[:, k], axes[:, k]
+    return np.eye(3) + np.sin(SHAKE) * cross + (1 - np.cos(SHAKE)) * cross @ cross
 
 
 def read_obj(path):
@@ -414,9 +445,21 @@ def folder_tables(folder):
         weights["modifier"] = data_transfer(source, target)[0]
         asked = (corr.confidence > 0) & (target.weights.sum(axis=1) > 0.5)
         figures = {"weight error, mean %": {}, "weight error, 95 % quantile": {}}
+        turns = bone_turns(len(names))
+        true_pose = shaken(target.vertices, target.weights, bone_centres(target), turns)
         for name, found in weights.items():
             mean, most = weight_errors(found[asked], target.weights[asked])
             figures["weight error, mean %"][name], figures["weight error, 95 % quantile"][name] = mean, most
+            posed = shaken(target.vertices, found, bone_centres(target), turns)
+            away = np.linalg.norm(posed - true_pose, axis=1)[asked] / target.size
+            figures.setdefault(DEFORMATION, {})[name] = 100 * away.mean()
+            for what, measure in MEASURES:
+                row = figures.setdefault(f"rig: {what} after posing, % of rest", {})
+                row[name] = 100 * measure(posed, target) / measure(target.vertices, target)
+        own = shaken(source.vertices, source.weights, bone_centres(source), turns)
+        for what, measure in MEASURES:
+            row = figures[f"rig: {what} after posing, % of rest"]
+            row["source"] = 100 * measure(own, source) / measure(source.vertices, source)
         yield f"{given} → {taker} ({corr.quality.grade})", figures
 
 
