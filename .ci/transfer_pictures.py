@@ -182,12 +182,108 @@ def rig_scene(source, target, given):
     return "groups,armature", [show_groups, pose], material("Weights", shown_attribute("shown"))
 
 
+def textures_scene(source, target, given):
+    """The picture of the source baked into another layout that the target has already."""
+    add_layout(source, given)
+    source.data.materials.append(material("Layout", checker))
+    # A layout of its own: each face apart, so that nothing of the source's is left in it.
+    own = target.data.uv_layers.new(name="Own")
+    columns = int(np.ceil(np.sqrt(len(target.data.polygons))))
+    cell = np.array([(face % columns, face // columns) for face in range(len(target.data.polygons))])
+    corners = cell[:, None] + 0.08 + 0.84 * np.array([(0, 0), (1, 0), (0, 1)])
+    own.uv.foreach_set("vector", (corners / columns).astype(np.float32).ravel())
+    bpy.context.scene.spectral_match.bake_size = "2048"
+    bpy.context.scene.spectral_match.bake_margin = 2
+    return "textures", [], None
+
+
+def around(character, bone, along):
+    """Edges of the character that go around a bone, as pairs of vertices."""
+    part = character.body.names.index(bone)
+    edges = np.unique(
+        np.sort(np.concatenate([character.faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1), axis=0
+    )
+    side = np.where(character.part == part, np.sign(character.axial - along), 0)
+    # One side's vertices of all edges that cross, and the edges between these.
+    crossing = edges[(side[edges[:, 0]] * side[edges[:, 1]]) < 0]
+    near = np.unique(np.where(side[crossing] > 0, crossing, -1))
+    return edges[np.isin(edges, near[near >= 0]).all(axis=1)]
+
+
+MARKED = (("upper_arm.L", 0.6), ("upper_arm.R", 0.6), ("thigh.L", 0.5), ("thigh.R", 0.5), ("tail", 0.5))
+
+
+def marks_scene(source, target, given):
+    marked = {tuple(edge) for bone, along in MARKED for edge in around(given, bone, along).tolist()}
+    for edge in source.data.edges:
+        edge.use_seam = tuple(sorted(edge.vertices)) in marked
+    return "marks", [show_seams], material("Marks", shown_attribute("shown"))
+
+
+def show_seams(obj):
+    """Vertices of marked edges in red."""
+    values = np.tile((*BARE, 1.0), (len(obj.data.vertices), 1)).astype(np.float32)
+    for edge in obj.data.edges:
+        if edge.use_seam:
+            values[list(edge.vertices)] = 0.8, 0.05, 0.03, 1.0
+    layer = obj.data.color_attributes.new("shown", "FLOAT_COLOR", "POINT")
+    layer.data.foreach_set("color", values.ravel())
+
+
+def attributes_scene(source, target, given):
+    """A number at each vertex, in waves along the bones."""
+    values = np.cos(6 * np.pi * given.axial) * 0.5 + 0.5
+    source.data.attributes.new("wave", "FLOAT", "POINT").data.foreach_set("value", values.astype(np.float32))
+    return "attributes", [show_wave], material("Attribute", shown_attribute("shown"))
+
+
+def show_wave(obj):
+    wave = np.empty(len(obj.data.vertices), np.float32)
+    obj.data.attributes["wave"].data.foreach_get("value", wave)
+    ends = np.array([(0.05, 0.12, 0.35), (1.0, 0.75, 0.2)])
+    values = np.ones((len(wave), 4), np.float32)
+    values[:, :3] = ends[0] + wave[:, None] * (ends[1] - ends[0])
+    layer = obj.data.color_attributes.new("shown", "FLOAT_COLOR", "POINT")
+    layer.data.foreach_set("color", values.ravel())
+
+
+def parts_scene(source, target, given):
+    """Eyes that are objects of their own."""
+    body = given.body
+    head = body.names.index("head")
+    axis = body.ends[head] - body.starts[head]
+    middle = body.starts[head] + 0.55 * axis
+    for side in (-1, 1):
+        ray = np.array((0.45 * side, -1.0, 0.15))
+        way = (given.vertices - middle) @ ray / np.linalg.norm(ray)
+        off = np.linalg.norm(given.vertices - middle - way[:, None] * ray / np.linalg.norm(ray), axis=1)
+        place = given.vertices[np.where(way > 0, off, np.inf).argmin()]
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=0.055, location=(0, 0, 0))
+        add_part(source, "Eye", place, (0.02, 0.02, 0.03))
+    return "objects", [], material("Plain", None)
+
+
+def add_part(source, name, place, colour):
+    """The active object as a companion of the source, at a place of its own space."""
+    part = bpy.context.object
+    part.name = name
+    bpy.ops.object.shade_smooth()
+    made = material(name, None)
+    made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*colour, 1.0)
+    part.data.materials.append(made)
+    part.parent, part.location = source, place
+
+
 SCENES = {
     "weights": groups_scene,
     "layout": layout_scene,
     "shape_keys": keys_scene,
     "materials": materials_scene,
     "rig": rig_scene,
+    "textures": textures_scene,
+    "marks": marks_scene,
+    "attributes": attributes_scene,
+    "parts": parts_scene,
 }
 
 
