@@ -13,17 +13,21 @@ const WITNESSES: usize = 80;
 const REACH: f64 = 0.25;
 /// Keeps the weights of far samples above zero.
 const WEIGHT_FLOOR: f64 = 1e-6;
-/// Local distortion at which confidence falls to 1/e: half of it is left at 0.055, which separates best
+/// Doubt at which confidence falls to 1/e: half of it is left at 0.055, which separates best
 /// the vertices of a whole that a part lacks from the others.
 const TOLERATED: f64 = 0.066;
 
-/// Confidence in [0, 1] of a target vertex: exp(−(δ² + ρ²)/0.066²).
+/// Weight of the gap between a vertex of the rigidly drawn target and its image.
+const GAP_WEIGHT: f64 = 2.0;
+
+/// Confidence in [0, 1] of a target vertex: exp(−(δ² + 4γ² + ρ²)/0.066²).
 ///
-/// δ is its local distortion, ρ how far from it the way to the source and back ends, both at unit
-/// area. It cannot see a wholly wrong map.
+/// δ is its local distortion, γ the gap between it and its image when the target is drawn onto the
+/// source as rigidly as possible, which stands off where the source has nothing, ρ how far from it
+/// the way to the source and back ends, all at unit area. It cannot see a wholly wrong map.
 #[must_use]
-pub fn confidence(distortion: f64, returns: f64) -> f64 {
-    let doubt = distortion.hypot(returns);
+pub fn confidence(distortion: f64, gap: f64, returns: f64) -> f64 {
+    let doubt = distortion.hypot(GAP_WEIGHT * gap).hypot(returns);
     (-(doubt / TOLERATED).powi(2)).exp()
 }
 

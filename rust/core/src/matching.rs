@@ -434,12 +434,19 @@ impl Completed<'_> {
         progress: &Progress,
     ) -> Result<Correspondence> {
         let (asking, answering) = (&self.state.target, &self.state.source);
+        let gap = |v: usize| {
+            let image = pair.source.mesh.vertices[asking.images.vertex[v] as usize];
+            vector::distance([0, 1, 2].map(|c| self.state.deformed[(v, c)]), image)
+        };
+        let misfit: Vec<(f64, f64)> = (0..self.distortion.len())
+            .map(|v| (self.distortion[v], gap(v)))
+            .collect();
         let mut found = dense_map(
             pair.source,
             pair.target,
             (&asking.rows, &asking.images.vertex),
             (&answering.rows, &answering.images.vertex),
-            &self.distortion,
+            &misfit,
             &pair.hints.landmarks,
             progress,
         )?;
@@ -546,13 +553,17 @@ fn embedded(
     };
     let on_source = images(target, &embedding.target, source, &embedding.source)?;
     let on_target = images(source, &embedding.source, target, &embedding.target)?;
-    let distortion = local_distortion(target, source, &on_source, progress)?;
+    // No surface is deformed, so that there is no gap.
+    let misfit: Vec<(f64, f64)> = local_distortion(target, source, &on_source, progress)?
+        .into_iter()
+        .map(|distortion| (distortion, 0.0))
+        .collect();
     let mut found = dense_map(
         source,
         target,
         (&embedding.target, &on_source),
         (&embedding.source, &on_target),
-        &distortion,
+        &misfit,
         &[],
         progress,
     )?;
@@ -617,13 +628,13 @@ pub fn energy(source: &Shape, target: &Shape, functional_map: MatRef<'_, f64>) -
 }
 
 /// Points on the given meshes, confidence and functional map, from two embeddings, the vertex maps
-/// between them and the local distortion at each target vertex.
+/// between them, and local distortion and gap at each target vertex.
 fn dense_map(
     source: &Shape,
     target: &Shape,
     (target_rows, on_source): (&Rows, &[u32]),
     (source_rows, on_target): (&Rows, &[u32]),
-    distortion: &[f64],
+    misfit: &[(f64, f64)],
     landmarks: &[(u32, u32)],
     progress: &Progress,
 ) -> Result<Correspondence> {
@@ -635,10 +646,10 @@ fn dense_map(
         let end = back[images[v] as usize] as usize;
         vector::norm(vector::sub(vertices[v], vertices[end]))
     };
-    let mut trust: Vec<f64> = distortion
+    let mut trust: Vec<f64> = misfit
         .iter()
         .enumerate()
-        .map(|(v, &d)| confidence(d, returns(v)))
+        .map(|(v, &(distortion, gap))| confidence(distortion, gap, returns(v)))
         .collect();
     let mut points = if let Some(full) = &target.full {
         trust = full.carried(&trust, &target.mesh);
