@@ -1,6 +1,6 @@
 //! Positive cotangent weights of a surface's edges.
 
-use crate::mesh::Adjacency;
+use crate::mesh::{Adjacency, LEAST_RELATIVE_AREA};
 use crate::vector::{self, Point};
 
 /// Least weight of an edge. Cotangents below zero would let an average of neighbours leave their
@@ -25,11 +25,17 @@ impl EdgeWeights {
             let at = corners.map(|v| positions[v as usize]);
             let (ab, ac) = (vector::sub(at[1], at[0]), vector::sub(at[2], at[0]));
             let double_area = vector::norm(vector::cross(ab, ac));
+            let bc = vector::sub(ac, ab);
+            let longest = [ab, ac, bc]
+                .map(|e| vector::dot(e, e))
+                .into_iter()
+                .fold(0.0, f64::max);
             for k in 0..3 {
                 let (i, j) = ((k + 1) % 3, (k + 2) % 3);
                 let u = vector::sub(at[i], at[k]);
                 let v = vector::sub(at[j], at[k]);
-                let half = if double_area > 0.0 {
+                // A face without an area worth the name has no angles.
+                let half = if double_area > LEAST_RELATIVE_AREA * longest {
                     vector::dot(u, v) / (2.0 * double_area)
                 } else {
                     0.0

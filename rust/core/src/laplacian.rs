@@ -7,6 +7,7 @@
 use sprs::CsMat;
 
 use crate::error::Result;
+use crate::intrinsic_triangulation::{IntrinsicTriangulation, double_area};
 use crate::mesh::Mesh;
 use crate::vector;
 
@@ -25,16 +26,25 @@ pub struct Laplacian {
 }
 
 impl Laplacian {
-    /// Operator of a mesh.
+    /// Operator of a mesh: on its triangles where [`Mesh::is_regular`], otherwise on the intrinsic
+    /// Delaunay triangulation of its cover, where off-diagonal entries are never positive.
     ///
     /// # Errors
-    /// None at present: the mesh's faces are known to have areas.
+    /// None at present: every checked mesh has an operator.
     ///
     /// # Source
     /// Meyer, Desbrun, Schröder, Barr, "Discrete differential-geometry operators for triangulated
     /// 2-manifolds", 2003, equations 8 (weights) and figure 4 (mixed areas).
     pub fn new(mesh: &Mesh) -> Result<Self> {
-        let n = mesh.vertices.len();
+        if mesh.is_regular() {
+            Ok(Self::on_triangles(mesh))
+        } else {
+            Ok(Self::on_cover(mesh))
+        }
+    }
+
+    /// Cotangent weights of the triangles as they are.
+    fn on_triangles(mesh: &Mesh) -> Self {
         let corners: Vec<Corner> = mesh
             .faces
             .iter()
@@ -48,7 +58,27 @@ impl Laplacian {
                 face_corners(*face, squares, double_area)
             })
             .collect();
-        Ok(Self::assemble(n, &corners))
+        Self::assemble(mesh.vertices.len(), &corners)
+    }
+
+    /// Cotangent weights of the intrinsic Delaunay triangulation; each sheet counts its share.
+    fn on_cover(mesh: &Mesh) -> Self {
+        let triangulation = IntrinsicTriangulation::delaunay(mesh);
+        let share = 1.0 / triangulation.sheets as f64;
+        let corners: Vec<Corner> = triangulation
+            .faces
+            .iter()
+            .zip(&triangulation.lengths)
+            .flat_map(|(&face, &[ab, bc, ca])| {
+                face_corners(face, [bc, ca, ab].map(|l| l * l), double_area([ab, bc, ca]))
+            })
+            .map(|corner| Corner {
+                half_cotangent: share * corner.half_cotangent,
+                area: share * corner.area,
+                ..corner
+            })
+            .collect();
+        Self::assemble(mesh.vertices.len(), &corners)
     }
 
     fn assemble(n: usize, corners: &[Corner]) -> Self {
@@ -126,8 +156,10 @@ fn face_corners(face: [u32; 3], squares: [f64; 3], double_area: f64) -> [Corner;
 /// Sums the corners into `W`. Both halves of an edge are summed in face order, so that `W` is
 /// symmetric to the last bit.
 fn stiffness(n: usize, corners: &[Corner]) -> CsMat<f64> {
+    // A side from a vertex to itself carries nothing.
+    let corners = || corners.iter().filter(|c| c.opposite[0] != c.opposite[1]);
     let mut starts = vec![0usize; n + 1];
-    for v in corners.iter().flat_map(|c| c.opposite) {
+    for v in corners().flat_map(|c| c.opposite) {
         starts[v as usize + 1] += 1;
     }
     for i in 0..n {
@@ -135,7 +167,7 @@ fn stiffness(n: usize, corners: &[Corner]) -> CsMat<f64> {
     }
     let mut fill = starts.clone();
     let mut halves = vec![(0u32, 0.0f64); starts[n]];
-    for corner in corners {
+    for corner in corners() {
         let [a, b] = corner.opposite;
         for (from, to) in [(a, b), (b, a)] {
             halves[fill[from as usize]] = (to, corner.half_cotangent);
@@ -192,6 +224,30 @@ mod tests {
             for j in 0..3 {
                 let expected = if i == j { 2.0 * weight } else { -weight };
                 assert!((laplacian.stiffness[[i, j]] - expected).abs() < 1e-15);
+            }
+        }
+    }
+
+    /// A flat grid of right triangles is Delaunay: nothing is flipped, and both sheets of the cover
+    /// carry the same weights.
+    #[test]
+    fn cover_of_a_delaunay_mesh_has_its_cotangent_weights() {
+        let side = 8i64;
+        let vertices: Vec<_> = (0..side * side)
+            .map(|v| [(v % side) as f64, (v / side) as f64, 0.0])
+            .collect();
+        let faces: Vec<_> = (0..side * (side - 1))
+            .filter(|v| v % side < side - 1)
+            .flat_map(|v| [[v, v + 1, v + side], [v + 1, v + side + 1, v + side]])
+            .collect();
+        let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+        assert!(mesh.is_regular());
+        let (plain, cover) = (Laplacian::on_triangles(&mesh), Laplacian::on_cover(&mesh));
+        for (i, row) in plain.stiffness.outer_iterator().enumerate() {
+            assert!((plain.mass[i] - cover.mass[i]).abs() < 1e-15);
+            for (j, &weight) in row.iter() {
+                // Angles from lengths instead of positions: rounding.
+                assert!((cover.stiffness[[i, j]] - weight).abs() < 1e-12);
             }
         }
     }

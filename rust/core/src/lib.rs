@@ -1,4 +1,5 @@
 //! Spectral generalised multidimensional scaling (S-GMDS): dense maps between deformable surfaces.
+#![forbid(unsafe_code)]
 
 pub mod baselines;
 pub mod confidence;
@@ -11,6 +12,7 @@ pub mod error;
 pub mod full_resolution;
 pub mod geodesics;
 pub mod hints;
+pub mod intrinsic_triangulation;
 pub mod laplacian;
 pub mod map_search;
 pub mod matching;

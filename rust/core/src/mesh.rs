@@ -8,15 +8,21 @@ use crate::vector::{self, Point};
 /// Fewest vertices of the largest part for which a spectrum says anything.
 pub const FEWEST_VERTICES: usize = 32;
 
-/// A face is dropped when its area is below this fraction of the square of its longest edge:
-/// in double precision its angles are then noise.
-const LEAST_RELATIVE_AREA: f64 = 1e-12;
+/// A face counts as flat when its area is below this fraction of the square of its longest edge: in
+/// double precision its angles are then noise.
+pub(crate) const LEAST_RELATIVE_AREA: f64 = 1e-12;
+
+/// A face is a needle when its area is below this fraction of the square of its longest edge. A
+/// cotangent there can be as large as the inverse, which is what rounding in the eigensolver grows by.
+const NEEDLE_RELATIVE_AREA: f64 = 1e-6;
 
 /// What the intake ignored or mended. Nothing is dropped without being counted here.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
 pub struct IntakeReport {
-    /// Faces without an area (also those that name a vertex twice).
+    /// Dropped faces without an area (also those that name a vertex twice).
     pub zero_area_faces: usize,
+    /// Faces without an area that were kept, because the surface would be slit along them.
+    pub bridging_faces: usize,
     /// Faces with the same three vertices as an earlier one.
     pub duplicate_faces: usize,
     /// Vertices that no kept face uses.
@@ -111,8 +117,9 @@ impl Adjacency {
 impl Mesh {
     /// Checks and cleans a triangle mesh.
     ///
-    /// Zero-area and duplicate faces are dropped, windings are made to agree, the connected part
-    /// with the largest area is kept. With `close_holes` every boundary loop is closed by a fan
+    /// Duplicate faces are dropped, and those without an area, except where they join two others:
+    /// vertices on the straight edge of a triangle need them. Windings are made to agree, the
+    /// connected part with the largest area is kept. With `close_holes` every boundary loop is closed by a fan
     /// around its centroid, which halves the error of shapes with holes; a shape that is a cut-off
     /// part is better left open.
     ///
@@ -175,6 +182,46 @@ impl Mesh {
             mesh.close_holes();
         }
         Ok(mesh)
+    }
+
+    /// Whether every edge has one face or two, the faces around every vertex are one fan, and no
+    /// face is a needle: then the cotangent weights of its triangles are sound.
+    #[must_use]
+    pub fn is_regular(&self) -> bool {
+        let edges = edge_faces(self.faces.iter().copied());
+        // Corners of faces that share an edge at a vertex belong to one fan.
+        let mut fans: Vec<u32> = (0..3 * self.faces.len() as u32).collect();
+        let mut count = fans.len();
+        for run in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+            let [first, second] = match run {
+                [_] => continue,
+                [a, b] => [a.2, b.2],
+                _ => return false,
+            };
+            for vertex in [run[0].0, run[0].1] {
+                let [a, b] = [first, second].map(|face| {
+                    let corners = self.faces[face as usize];
+                    let corner =
+                        u32::from(corners[1] == vertex) + 2 * u32::from(corners[2] == vertex);
+                    find(&mut fans, 3 * face + corner)
+                });
+                if a != b {
+                    fans[b as usize] = a;
+                    count -= 1;
+                }
+            }
+        }
+        count == self.vertices.len()
+            && self
+                .faces
+                .iter()
+                .all(|&face| relative_area(&self.vertices, face) > NEEDLE_RELATIVE_AREA)
+    }
+
+    /// Whether a face has so little area that its angles are noise.
+    #[must_use]
+    pub fn is_flat(&self, face: usize) -> bool {
+        is_flat(&self.vertices, self.faces[face])
     }
 
     /// Area of one face.
@@ -349,16 +396,7 @@ fn checked_faces(
     let mut kept = Vec::with_capacity(faces.len());
     for (id, corners) in faces.iter().enumerate() {
         let face = corners.map(|v| v as u32);
-        let [a, b, c] = face.map(|v| normalised[v as usize]);
-        let (ab, bc, ca) = (vector::sub(b, a), vector::sub(c, b), vector::sub(a, c));
-        let longest = vector::dot(ab, ab)
-            .max(vector::dot(bc, bc))
-            .max(vector::dot(ca, ca));
-        let shortest = vector::dot(ab, ab)
-            .min(vector::dot(bc, bc))
-            .min(vector::dot(ca, ca));
-        let area = vector::norm(vector::cross(ab, ca)) / 2.0;
-        if area <= LEAST_RELATIVE_AREA * longest || shortest <= 0.0 {
+        if face[0] == face[1] || face[1] == face[2] || face[2] == face[0] {
             report.zero_area_faces += 1;
             continue;
         }
@@ -370,13 +408,60 @@ fn checked_faces(
         }
         kept.push((id as u32, face));
     }
-    if kept.is_empty() {
+    drop_flat_faces(&normalised, &mut kept, report);
+    if kept.iter().all(|(_, f)| is_flat(&normalised, *f)) {
         return Err(Error::EmptyMesh {
             vertices: vertices.len(),
             faces: faces.len(),
         });
     }
     Ok((kept, normalised, unit, origin))
+}
+
+/// Whether a face has no area worth the name.
+fn is_flat(positions: &[Point], face: [u32; 3]) -> bool {
+    relative_area(positions, face) <= LEAST_RELATIVE_AREA
+}
+
+/// Area over the square of the longest edge; 0 when two corners coincide.
+fn relative_area(positions: &[Point], face: [u32; 3]) -> f64 {
+    let [a, b, c] = face.map(|v| positions[v as usize]);
+    let (ab, bc, ca) = (vector::sub(b, a), vector::sub(c, b), vector::sub(a, c));
+    let squares = [ab, bc, ca].map(|e| vector::dot(e, e));
+    if squares.contains(&0.0) {
+        return 0.0;
+    }
+    let longest = squares.into_iter().fold(0.0, f64::max);
+    vector::norm(vector::cross(ab, ca)) / 2.0 / longest
+}
+
+/// Drops the flat faces that do not join another face across each of their edges.
+fn drop_flat_faces(positions: &[Point], faces: &mut FacesWithIds, report: &mut IntakeReport) {
+    let flat: Vec<bool> = faces.iter().map(|(_, f)| is_flat(positions, *f)).collect();
+    if !flat.contains(&true) {
+        return;
+    }
+    let edges = edge_faces(faces.iter().map(|(_, f)| *f));
+    let mut joins = vec![true; faces.len()];
+    for run in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        if run.len() != 2 {
+            for edge in run {
+                joins[edge.2 as usize] = false;
+            }
+        }
+    }
+    let mut fate = flat.iter().zip(&joins);
+    faces.retain(|_| match fate.next() {
+        Some((true, false)) => {
+            report.zero_area_faces += 1;
+            false
+        }
+        Some((true, true)) => {
+            report.bridging_faces += 1;
+            true
+        }
+        _ => true,
+    });
 }
 
 /// Keeps the part connected through shared vertices that has the largest area.
@@ -438,7 +523,7 @@ fn find(parent: &mut [u32], v: u32) -> u32 {
 }
 
 /// Edge with its faces; the flag says whether the face runs from the lower to the higher vertex.
-fn edge_faces(faces: impl Iterator<Item = [u32; 3]>) -> Vec<(u32, u32, u32, bool)> {
+pub(crate) fn edge_faces(faces: impl Iterator<Item = [u32; 3]>) -> Vec<(u32, u32, u32, bool)> {
     let mut edges: Vec<(u32, u32, u32, bool)> = faces
         .enumerate()
         .flat_map(|(i, [a, b, c])| {

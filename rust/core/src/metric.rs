@@ -112,7 +112,12 @@ fn scale_invariant(mesh: &Mesh, laplacian: &Laplacian) -> (Vec<f64>, Vec<f64>) {
             factor.sqrt()
         })
         .collect();
-    let areas = areas.iter().map(|(sum, total)| sum / total).collect();
+    // A vertex of flat faces only has no area to average over.
+    let areas = areas
+        .iter()
+        .zip(&at_vertices)
+        .map(|((sum, total), own)| if *total > 0.0 { sum / total } else { *own })
+        .collect();
     (lengths, areas)
 }
 

@@ -180,6 +180,9 @@ fn gradients(shape: &Shape, vertex: u32, count: usize) -> Vec<Point> {
     let mesh = &shape.mesh;
     let mut sums = vec![[0.0; 3]; count];
     for &face in shape.vertex_faces.row(vertex as usize) {
+        if mesh.is_flat(face as usize) {
+            continue;
+        }
         let corners = mesh.faces[face as usize];
         let unit = vector::normalised(mesh.face_cross(face as usize));
         for i in 0..3 {

@@ -155,6 +155,7 @@ impl PreparedShape {
         let dict = PyDict::new(py);
         for (name, count) in [
             ("zero_area_faces", r.zero_area_faces),
+            ("bridging_faces", r.bridging_faces),
             ("duplicate_faces", r.duplicate_faces),
             ("isolated_vertices", r.isolated_vertices),
             ("dropped_components", r.dropped_components),
