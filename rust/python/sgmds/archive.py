@@ -12,17 +12,19 @@ from numpy.typing import NDArray
 from .errors import SgmdsError
 from .whole_file import whole_file
 
-VERSION = 1
 
-
-def write(path: str | os.PathLike[str], kind: str, *, compressed: bool = True, **arrays: Any) -> None:
+def write(
+    path: str | os.PathLike[str], kind: str, version: int, *, compressed: bool = True, **arrays: Any
+) -> None:
     """Writes arrays beside `path` and moves them there when complete."""
     save = np.savez_compressed if compressed else np.savez
     with whole_file(path, binary=True) as file:
-        save(file, format=kind, version=VERSION, **arrays)
+        save(file, format=kind, version=version, **arrays)
 
 
-def read(path: str | os.PathLike[str], kind: str, names: Iterable[str]) -> dict[str, NDArray[Any]]:
+def read(
+    path: str | os.PathLike[str], kind: str, version: int, names: Iterable[str]
+) -> dict[str, NDArray[Any]]:
     """The named arrays of a file that `write` made; anything else is refused.
 
     The archive's checksums notice damage; nothing in the file is executed.
@@ -47,8 +49,11 @@ def read(path: str | os.PathLike[str], kind: str, names: Iterable[str]) -> dict[
         raise SgmdsError(f"{path}: not a readable {kind} file ({error}): make it again") from error
     if str(arrays.get("format")) != kind:
         raise SgmdsError(f"{path}: not a {kind} file: make it again")
-    if str(arrays.get("version")) != str(VERSION):
-        raise SgmdsError(f"{path}: of version {arrays.get('version')}, not {VERSION}: make it again")
+    if (found := str(arrays.get("version"))) != str(version):
+        if not found.isdecimal():
+            raise SgmdsError(f"{path}: damaged, its version is {found!r}: make it again")
+        age = "an older version" if int(found) < version else "a newer version"
+        raise SgmdsError(f"{path}: of {age} ({found}, this one reads {version}): make it again")
     missing = set(names) - arrays.keys()
     if missing:
         raise SgmdsError(f"{path}: damaged, lacks {', '.join(sorted(missing))}: make it again")

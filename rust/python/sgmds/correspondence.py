@@ -15,6 +15,7 @@ from .errors import ArgumentError, SgmdsError
 from .shape import Floats, Ids, Progress
 
 FORMAT = "sgmds-correspondence"
+VERSION = 1
 ARRAYS = ("faces", "barycentric", "vertices", "confidence")
 
 
@@ -119,6 +120,7 @@ class Correspondence:
         archive.write(
             path,
             FORMAT,
+            VERSION,
             **arrays,
             triangles=self._triangles,
             source_count=self._source_count,
@@ -129,7 +131,9 @@ class Correspondence:
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
         """Reads what `save` wrote; anything else is refused."""
-        arrays = archive.read(path, FORMAT, (*ARRAYS, "triangles", "source_count", "grade", "reasons"))
+        arrays = archive.read(
+            path, FORMAT, VERSION, (*ARRAYS, "triangles", "source_count", "grade", "reasons")
+        )
         found = cls(arrays, Quality(str(arrays["grade"]), [str(r) for r in arrays["reasons"]]))
         found._check(path)
         return found

@@ -13,6 +13,8 @@ from . import _core, archive, memory
 from .errors import ArgumentError, SgmdsError
 
 FORMAT = "sgmds-shape"
+VERSION = 2
+"""2: distances in single precision, large meshes simplified, another operator where a mesh is not regular."""
 METRICS = ("euclidean", "scale-invariant")
 PARTS = ("values", "functions", "farthest", "fields")
 
@@ -146,6 +148,7 @@ class Shape:
         archive.write(
             path,
             FORMAT,
+            VERSION,
             compressed=False,
             vertices=self.vertices,
             faces=self.faces,
@@ -162,7 +165,7 @@ class Shape:
         SgmdsError
             When the file is not ours, of another version, or damaged.
         """
-        arrays = archive.read(path, FORMAT, ("vertices", "faces", "metric", *PARTS))
+        arrays = archive.read(path, FORMAT, VERSION, ("vertices", "faces", "metric", *PARTS))
         shape = cls.__new__(cls)
         try:
             shape.vertices, shape.faces = checked_mesh(arrays["vertices"], arrays["faces"])
