@@ -24,7 +24,7 @@ const REFINED_TOGETHER: u64 = 2;
 /// Points, weights and confidence of a vertex of the given mesh, while they are found.
 const POINT_BYTES: u64 = 400;
 /// Tables over samples, and the program itself.
-const FIXED: u64 = 200_000_000;
+const FIXED: u64 = 120_000_000;
 
 /// Vertices of the mesh on which a mesh of `vertices` is matched.
 fn simplified(vertices: u64) -> u64 {
