@@ -70,7 +70,7 @@ fn base() -> Soup {
 
 /// A soup of triangles, or a sound mesh with damage done to it.
 fn soup(bytes: &mut Bytes<'_>) -> Soup {
-    if bytes.next() % 4 == 0 {
+    if bytes.next().is_multiple_of(4) {
         let count = usize::from(bytes.next());
         let vertices: Vec<[f64; 3]> = (0..count)
             .map(|_| [(); 3].map(|()| bytes.coordinate()))
@@ -137,7 +137,7 @@ fn soup(bytes: &mut Bytes<'_>) -> Soup {
 /// Mesh, operator, marching and spectrum.
 pub fn intake(data: &[u8]) {
     let (vertices, faces) = soup(&mut Bytes(data));
-    let Ok(mesh) = Mesh::new(&vertices, &faces, data.len() % 2 == 0) else {
+    let Ok(mesh) = Mesh::new(&vertices, &faces, data.len().is_multiple_of(2)) else {
         return;
     };
     sound_mesh(&mesh, &vertices, &faces);
@@ -166,7 +166,8 @@ pub fn sound_mesh(mesh: &Mesh, vertices: &[[f64; 3]], faces: &[[i64; 3]]) {
     assert!(mesh.input_face.iter().all(|&f| (f as usize) < faces.len()));
     assert_eq!(mesh.input_positions.len(), vertices.len());
     let area: f64 = (0..mesh.faces.len()).map(|f| mesh.face_area(f)).sum();
-    assert!((area - 1.0).abs() < 1e-9, "area {area}");
+    // Positions far from the origin have lost digits before they are moved there.
+    assert!((area - 1.0).abs() < 1e-5, "area {area}");
 }
 
 /// What [`Laplacian`] promises: symmetric, semi-definite, a positive mass; on the cover of a mesh
@@ -174,9 +175,9 @@ pub fn sound_mesh(mesh: &Mesh, vertices: &[[f64; 3]], faces: &[[i64; 3]]) {
 pub fn sound_operator(laplacian: &Laplacian, regular: bool) {
     let w = &laplacian.stiffness;
     assert!(laplacian.mass.iter().all(|&a| a > 0.0 && a.is_finite()));
-    // Mollified sides are longer by 1e-5 of the mean edge, so areas by a few times that.
     let area: f64 = laplacian.mass.iter().sum();
-    assert!((area - 1.0).abs() < 0.01, "mass {area}");
+    // As above.
+    assert!((area - 1.0).abs() < 1e-5, "mass {area}");
     for (i, row) in w.outer_iterator().enumerate() {
         let (mut sum, mut size) = (0.0, 0.0);
         for (j, &x) in row.iter() {
@@ -196,7 +197,7 @@ pub fn sound_operator(laplacian: &Laplacian, regular: bool) {
     for step in [1, 3, 7, n] {
         let f: Vec<f64> = (0..n).map(|i| ((i / step) as f64 * 2.4).cos()).collect();
         let (mut energy, mut size) = (0.0, 0.0);
-        for (&x, (i, j)) in w.iter() {
+        for (&x, (i, j)) in w {
             energy += f[i] * x * f[j];
             size += (f[i] * x * f[j]).abs();
         }

@@ -27,23 +27,23 @@ fn corpus(target: &str) -> Vec<Vec<u8>> {
 
 #[test]
 fn corpus_of_the_intake_holds() {
-    corpus("intake")
-        .iter()
-        .for_each(|data| inputs::intake(data));
+    for data in corpus("intake") {
+        inputs::intake(&data);
+    }
 }
 
 #[test]
 fn corpus_of_stored_shapes_holds() {
-    corpus("restore")
-        .iter()
-        .for_each(|data| inputs::restore(data));
+    for data in corpus("restore") {
+        inputs::restore(&data);
+    }
 }
 
 #[test]
 fn corpus_of_whole_matches_holds() {
-    corpus("match")
-        .iter()
-        .for_each(|data| inputs::whole_chain(data));
+    for data in corpus("match") {
+        inputs::whole_chain(&data);
+    }
 }
 
 proptest! {
@@ -99,7 +99,8 @@ fn operator_of_every_kind_of_damage_is_sound() {
     };
     for ((v, f), regular) in [
         ((vertices.clone(), faces.clone()), true),
-        ((vertices.clone(), faces[faces.len() / 3..].to_vec()), true),
+        // Cut so raggedly that some vertices keep two fans.
+        ((vertices.clone(), faces[faces.len() / 3..].to_vec()), false),
         (flipped(vertices.clone(), faces.clone()), true),
         (fin(vertices.clone(), faces.clone()), false),
         (bow_tie(vertices.clone(), faces.clone()), false),
@@ -197,7 +198,7 @@ fn a_million_loose_triangles_are_counted_and_dropped() {
     let (mut vertices, mut faces) = common::lumpy(3);
     let n = vertices.len();
     for i in 0..1_000_000 {
-        let p = [i as f64 * 1e-6, (i % 1000) as f64 * 1e-3, 5.0];
+        let p = [f64::from(i) * 1e-6, f64::from(i % 1000) * 1e-3, 5.0];
         let first = vertices.len() as i64;
         vertices.extend([p, [p[0], p[1] + 1e-4, 5.0], [p[0] + 1e-4, p[1], 5.0]]);
         faces.push([first, first + 1, first + 2]);

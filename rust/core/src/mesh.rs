@@ -12,6 +12,9 @@ pub const FEWEST_VERTICES: usize = 32;
 /// double precision its angles are then noise.
 pub(crate) const LEAST_RELATIVE_AREA: f64 = 1e-12;
 
+/// A mesh has no surface when its area is below this fraction of the square of its reach: then the
+/// area is rounding. Of a hair a thousand times as long as thick it is 1e-3.
+const LEAST_SURFACE: f64 = 1e-9;
 /// A face is a needle when its area is below this fraction of the square of its longest edge. A
 /// cotangent there can be as large as the inverse, which is what rounding in the eigensolver grows by.
 const NEEDLE_RELATIVE_AREA: f64 = 1e-6;
@@ -163,6 +166,13 @@ impl Mesh {
             .collect();
 
         let (area, centre) = area_and_centroid(&positions, &faces);
+        let reach = positions.iter().map(|&p| vector::distance(p, centre));
+        if area <= LEAST_SURFACE * reach.fold(0.0, f64::max).powi(2) {
+            return Err(Error::EmptyMesh {
+                vertices: vertices.len(),
+                faces: faces.len(),
+            });
+        }
         let length = area.sqrt();
         let place = |p: &Point| vector::scaled(vector::sub(*p, centre), 1.0 / length);
         let mut mesh = Self {
