@@ -90,6 +90,17 @@ def second_body(v, f):
     return np.concatenate([v, far]), np.concatenate([f, f + len(v)]), {"dropped_components": 1}
 
 
+def ground_plane(v, f):
+    """Two triangles with more area than the body."""
+    n = len(v)
+    plane = [[-20, -20, -1], [20, -20, -1], [20, 20, -1], [-20, 20, -1]]
+    return (
+        np.concatenate([v, plane]),
+        np.concatenate([f, [[n, n + 1, n + 2], [n, n + 2, n + 3]]]),
+        {"dropped_components": 1, "dropped_component_vertices": 4},
+    )
+
+
 def loose_triangle(v, f):
     n = len(v)
     return np.concatenate([v, v[:3] + 2]), np.concatenate([f, [[n, n + 1, n + 2]]]), {"dropped_components": 1}
@@ -154,6 +165,7 @@ DAMAGE = {
                 coincident_vertices,
                 needles,
                 second_body,
+                ground_plane,
                 loose_triangle,
                 holes,
                 flipped,
@@ -199,6 +211,8 @@ def test_damage_leaves_the_map_of_the_clean_part(name, body, source, clean_map, 
     record_property("error", round(error, 2))
     print(f"{name}: {error:.2f}, {corr.quality.grade}")
     assert error < bound
+    said = [reason for reason in corr.quality.reasons if "of the target" in reason and "left out" in reason]
+    assert len(said) == (target.report["dropped_components"] > 0)
     # What has no image of its own says so.
     assert (corr.confidence[~np.isin(np.arange(len(vertices)), faces)] == 0).all()
 

@@ -10,6 +10,7 @@ use proptest::prelude::*;
 use sgmds_core::error::Error;
 use sgmds_core::laplacian::Laplacian;
 use sgmds_core::mesh::Mesh;
+use sgmds_core::quality::left_out;
 
 /// Inputs that the fuzzer found to reach code of their own.
 fn corpus(target: &str) -> Vec<Vec<u8>> {
@@ -207,6 +208,38 @@ fn a_million_loose_triangles_are_counted_and_dropped() {
     assert_eq!(mesh.vertices.len(), n);
     assert_eq!(mesh.report.dropped_components, 1_000_000);
     assert_eq!(mesh.report.dropped_component_vertices, 3_000_000);
+}
+
+#[test]
+fn a_ground_plane_larger_than_the_body_is_dropped() {
+    let (mut vertices, mut faces) = common::lumpy(3);
+    let alone = mesh_of(&vertices, &faces);
+    let (n, m) = (vertices.len(), faces.len());
+    let plane = [[-50.0, -50.0], [50.0, -50.0], [50.0, 50.0], [-50.0, 50.0]];
+    vertices.splice(0..0, plane.map(|[x, y]| [x, y, -3.0]));
+    for v in faces.iter_mut().flatten() {
+        *v += 4;
+    }
+    faces.splice(0..0, [[0, 1, 2], [0, 2, 3]]);
+    let mesh = mesh_of(&vertices, &faces);
+    assert_eq!(mesh.report.dropped_components, 1);
+    assert_eq!(mesh.report.dropped_component_vertices, 4);
+    let words = left_out("target", &mesh.report).unwrap();
+    assert!(words.contains("one") && words.contains("4 vertices"));
+    assert!(mesh.input_vertex.iter().copied().eq(4..4 + n as u32));
+    assert!(mesh.input_face.iter().copied().eq(2..2 + m as u32));
+    for (p, q) in mesh.vertices.iter().zip(&alone.vertices) {
+        assert!(p.iter().zip(q).all(|(a, b)| (a - b).abs() < 1e-12));
+    }
+    // Of parts that are large enough the one with more area stays.
+    let (large, triangles) = common::icosphere(1);
+    let first = vertices.len() as i64;
+    vertices.extend(large.iter().map(|p| p.map(|x| 20.0 * x)));
+    faces.extend(triangles.iter().map(|f| f.map(|v| v + first)));
+    let mesh = mesh_of(&vertices, &faces);
+    assert_eq!(mesh.vertices.len(), large.len());
+    assert_eq!(mesh.report.dropped_components, 2);
+    assert_eq!(mesh.report.dropped_component_vertices, 4 + n);
 }
 
 #[test]

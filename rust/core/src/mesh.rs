@@ -30,7 +30,7 @@ pub struct IntakeReport {
     pub duplicate_faces: usize,
     /// Vertices that no kept face uses.
     pub isolated_vertices: usize,
-    /// Connected parts other than the largest by area.
+    /// Connected parts other than the one that is kept.
     pub dropped_components: usize,
     /// Vertices of those parts.
     pub dropped_component_vertices: usize,
@@ -121,10 +121,11 @@ impl Mesh {
     /// Checks and cleans a triangle mesh.
     ///
     /// Duplicate faces are dropped, and those without an area, except where they join two others:
-    /// vertices on the straight edge of a triangle need them. Windings are made to agree, the
-    /// connected part with the largest area is kept. With `close_holes` every boundary loop is closed by a fan
-    /// around its centroid, which halves the error of shapes with holes; a shape that is a cut-off
-    /// part is better left open.
+    /// vertices on the straight edge of a triangle need them. Windings are made to agree. Of the
+    /// connected parts with vertices enough for a spectrum the one with the largest area is kept: a
+    /// ground plane of two triangles may be larger than the character on it. With `close_holes` every
+    /// boundary loop is closed by a fan around its centroid, which halves the error of shapes with
+    /// holes; a shape that is a cut-off part is better left open.
     ///
     /// # Errors
     /// [`Error::NotFinite`], [`Error::FaceIndexOutOfRange`], [`Error::EmptyMesh`],
@@ -474,7 +475,8 @@ fn drop_flat_faces(positions: &[Point], faces: &mut FacesWithIds, report: &mut I
     });
 }
 
-/// Keeps the part connected through shared vertices that has the largest area.
+/// Keeps the part connected through shared vertices that has the largest area among those with
+/// [`FEWEST_VERTICES`], or among all where none has so many.
 fn drop_smaller_components(
     vertices: usize,
     positions: &[Point],
@@ -482,11 +484,13 @@ fn drop_smaller_components(
     report: &mut IntakeReport,
 ) {
     let mut parent: Vec<u32> = (0..vertices as u32).collect();
+    let mut used = vec![false; vertices];
     for (_, f) in faces.iter() {
         let root = find(&mut parent, f[0]);
-        for &v in &f[1..] {
+        for &v in f {
             let other = find(&mut parent, v);
             parent[other as usize] = root;
+            used[v as usize] = true;
         }
     }
     let mut area = vec![0.0; vertices];
@@ -495,32 +499,21 @@ fn drop_smaller_components(
         let root = find(&mut parent, f[0]);
         area[root as usize] += vector::norm(vector::cross(vector::sub(b, a), vector::sub(c, a)));
     }
-    let mut used = vec![false; vertices];
-    for (_, f) in faces.iter() {
-        for &v in f {
-            used[v as usize] = true;
-        }
+    let mut size = vec![0; vertices];
+    for v in (0..vertices).filter(|&v| used[v]) {
+        size[find(&mut parent, v as u32) as usize] += 1;
     }
-    let mut largest = find(&mut parent, faces[0].1[0]);
-    for v in 0..vertices {
-        if area[v] > area[largest as usize] {
-            largest = v as u32;
-        }
-    }
-    for v in 0..vertices as u32 {
-        if !used[v as usize] {
-            report.isolated_vertices += 1;
-            continue;
-        }
-        let root = find(&mut parent, v);
-        if root != largest {
-            report.dropped_component_vertices += 1;
-            if root == v {
-                report.dropped_components += 1;
-            }
-        }
-    }
-    faces.retain(|(_, f)| find(&mut parent, f[0]) == largest);
+    let parts = (0..vertices).filter(|&v| size[v] > 0);
+    let rank = |v: usize| (size[v] >= FEWEST_VERTICES, area[v]);
+    // Of equals the first, whatever comes later.
+    let main = parts
+        .clone()
+        .reduce(|best, v| if rank(v) > rank(best) { v } else { best })
+        .expect("there is a face");
+    report.isolated_vertices = used.iter().filter(|&&used| !used).count();
+    report.dropped_components = parts.clone().count() - 1;
+    report.dropped_component_vertices = parts.map(|v| size[v]).sum::<usize>() - size[main];
+    faces.retain(|(_, f)| find(&mut parent, f[0]) as usize == main);
 }
 
 fn find(parent: &mut [u32], v: u32) -> u32 {

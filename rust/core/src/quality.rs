@@ -1,5 +1,6 @@
 //! A grade for a whole map, with its reasons in words.
 
+use crate::mesh::IntakeReport;
 use crate::pair::Shares;
 use crate::selection::Figures;
 
@@ -57,6 +58,21 @@ pub fn score(figures: &Figures) -> f64 {
     figures.agreement.max(0.0)
         * clarity.clamp(LEAST_CLARITY, 1.0)
         * (-(figures.apart / REACH).powi(2)).exp()
+}
+
+/// What was left out of a shape, in words, if anything was: the match is of one connected part.
+#[must_use]
+pub fn left_out(role: &str, report: &IntakeReport) -> Option<String> {
+    let (parts, vertices) = (report.dropped_components, report.dropped_component_vertices);
+    match parts {
+        0 => None,
+        1 => Some(format!(
+            "one unconnected part of the {role} was left out ({vertices} vertices)"
+        )),
+        _ => Some(format!(
+            "{parts} unconnected parts of the {role} were left out ({vertices} vertices)"
+        )),
+    }
 }
 
 /// Grade and reasons of a map by its figures.

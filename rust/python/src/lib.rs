@@ -297,7 +297,10 @@ impl RawMatch {
         let dict = PyDict::new(py);
         dict.set_item("unmatched", self.found.unmatched)?;
         if let Some(figures) = &self.found.figures {
-            let (grade, reasons) = quality::graded(figures, self.found.shares);
+            let (grade, mut reasons) = quality::graded(figures, self.found.shares);
+            for (role, shape) in [("source", &self.source), ("target", &self.target)] {
+                reasons.extend(quality::left_out(role, &shape.mesh.report));
+            }
             dict.set_item("grade", grade.name())?;
             dict.set_item("reasons", reasons)?;
             dict.set_item("score", quality::score(figures))?;
