@@ -343,6 +343,9 @@ class PairResult:
     reasons: list[str] = field(default_factory=list)
     alternatives: list[float] = field(default_factory=list)
     confidence: dict[str, float] = field(default_factory=dict)
+    energy: float | None = None
+    """Where a minimisation ended, and the norm of the gradient there."""
+    gradient_norm: float | None = None
     errors: np.ndarray | None = field(default=None, repr=False)
     swapped_errors: np.ndarray | None = field(default=None, repr=False)
 
@@ -403,6 +406,10 @@ class SetResult:
             "grades": dict(Counter(p.grade for p in self.pairs if p.grade)),
             "wrong_but_green": sum(p.status != "right" and p.grade == "green" for p in self.pairs),
         }
+        minimised = [p for p in self.pairs if p.gradient_norm is not None]
+        if minimised:
+            result["median_energy"] = _median([p.energy for p in minimised])
+            result["median_gradient_norm"] = _median([p.gradient_norm for p in minimised])
         for figure in sorted({key for p in self.pairs for key in p.confidence}):
             result[figure] = _mean([p.confidence[figure] for p in self.pairs if figure in p.confidence])
         return result
@@ -421,6 +428,11 @@ class SetResult:
             f"  median time: match {s['median_seconds']:.2f} s, preparing a shape "
             f"{s['median_prepare_seconds']:.2f} s",
         ]
+        if "median_energy" in s:
+            lines.append(
+                f"  minimisation ended at, median: energy {s['median_energy']:.4g}, gradient norm "
+                f"{s['median_gradient_norm']:.2g}"
+            )
         if s["grades"]:
             grades = ", ".join(f"{n} {g}" for g, n in s["grades"].items())
             lines.append(f"  grades: {grades}; green among the wrong: {s['wrong_but_green']}")
@@ -674,6 +686,8 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
     if corr is not None:
         pair.grade = getattr(corr.quality, "grade", None)
         pair.reasons = list(getattr(corr.quality, "reasons", ()))
+        figures = getattr(corr.quality, "figures", {})
+        pair.energy, pair.gradient_norm = figures.get("energy"), figures.get("gradient_norm")
         pair.alternatives = [
             error_summary(pair_errors(on_b, other.vertices, truth.a, truth.b))["mean"]
             for other in corr.alternatives
