@@ -137,7 +137,7 @@ fn soup(bytes: &mut Bytes<'_>) -> Soup {
 /// Mesh, operator, marching and spectrum.
 pub fn intake(data: &[u8]) {
     let (vertices, faces) = soup(&mut Bytes(data));
-    let Ok(mesh) = Mesh::new(&vertices, &faces, data.len().is_multiple_of(2)) else {
+    let Ok(mesh) = Mesh::new(&vertices, &faces) else {
         return;
     };
     sound_mesh(&mesh, &vertices, &faces);
@@ -157,7 +157,7 @@ pub fn sound_mesh(mesh: &Mesh, vertices: &[[f64; 3]], faces: &[[i64; 3]]) {
     let n = mesh.vertices.len();
     assert!(mesh.faces.iter().flatten().all(|&v| (v as usize) < n));
     assert!(mesh.vertices.iter().flatten().all(|x| x.is_finite()));
-    assert_eq!(mesh.input_vertex.len(), mesh.surface_vertices);
+    assert_eq!(mesh.input_vertex.len(), mesh.vertices.len());
     assert!(
         mesh.input_vertex
             .iter()

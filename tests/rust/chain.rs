@@ -5,6 +5,7 @@ mod common;
 use std::sync::Arc;
 
 use sgmds_core::Error;
+use sgmds_core::confidence::beyond_rims;
 use sgmds_core::matching::{self, Correspondence, Method, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
 use sgmds_core::metric::Metric;
@@ -30,7 +31,7 @@ fn found(source: &Arc<Shape>, target: &Arc<Shape>, options: &Options) -> Corresp
 
 /// Mean distance between each target vertex's image and its own place on the source, over √area.
 fn mean_error(map: &Correspondence, source: &(Vec<Point>, Vec<[i64; 3]>), order: &[usize]) -> f64 {
-    let mesh = Mesh::new(&source.0, &source.1, false).unwrap();
+    let mesh = Mesh::new(&source.0, &source.1).unwrap();
     let sum: f64 = order
         .iter()
         .enumerate()
@@ -366,4 +367,36 @@ fn cancelling_ends_every_stage_with_the_same_error() {
         let end = match_shapes(&a, &b, &Options::default(), &progress, &report);
         assert_eq!(end.err(), Some(Error::Cancelled), "{stop}");
     }
+}
+
+#[test]
+fn what_a_half_lacks_lies_beyond_its_rim() {
+    let (points, faces) = icosphere(4);
+    let sphere = Mesh::new(&points, &faces).unwrap();
+    let upper: Vec<[i64; 3]> = faces
+        .iter()
+        .copied()
+        .filter(|f| f.iter().all(|&v| points[v as usize][2] >= 0.0))
+        .collect();
+    let half = Mesh::new(&points, &upper).unwrap();
+    // Each vertex of the sphere to the nearest of the half, which is on the rim for the lower ones.
+    let images: Vec<u32> = points
+        .iter()
+        .map(|&p| {
+            let far = |&a: &u32| length(sub(points[half.input_vertex[a as usize] as usize], p));
+            let ids = 0..half.vertices.len() as u32;
+            ids.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
+        })
+        .collect();
+    let beyond = beyond_rims(&half, &sphere, &images);
+    for (p, beyond) in points.iter().zip(beyond) {
+        if p[2] < -0.2 {
+            assert!(beyond > 0.99, "{p:?}: {beyond}");
+        } else if p[2] > 0.8 {
+            // Eight reaches from the rim and more.
+            assert!(beyond < 1e-3, "{p:?}: {beyond}");
+        }
+    }
+    let itself: Vec<u32> = (0..half.vertices.len() as u32).collect();
+    assert!(beyond_rims(&half, &half, &itself).iter().all(|&b| b == 0.0));
 }

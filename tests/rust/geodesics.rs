@@ -76,7 +76,7 @@ fn sphere_against_great_circles() {
     let mut errors = Vec::new();
     for levels in [3, 4, 5] {
         let (vertices, faces) = sphere(levels);
-        let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+        let mesh = Mesh::new(&vertices, &faces).unwrap();
         let marching = FastMarching::new(&mesh);
         let sources = farthest_points(&marching, &mesh, 6, &never).unwrap();
         let distances = distances_from(&marching, &sources, &never).unwrap();
@@ -106,7 +106,7 @@ fn flat_grids_have_straight_lines() {
     // two circles, which costs some parts in a thousand.
     for (shear, tolerance) in [(0.0, 2e-4), (-0.5, 2e-4), (0.7, 1e-2), (1.5, 2e-4)] {
         let (vertices, faces) = grid(21, shear);
-        let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+        let mesh = Mesh::new(&vertices, &faces).unwrap();
         let marching = FastMarching::new(&mesh);
         for source in [0usize, 220, 87, 440] {
             let distances = distances_from(&marching, &[source as u32], &never).unwrap();
@@ -139,7 +139,7 @@ fn a_plane_measured_by_its_distance_from_a_point_is_flat_in_polar_coordinates() 
                 [cos, sin, 0.0].map(|x| log_radius.exp() * x)
             })
             .collect();
-        let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+        let mesh = Mesh::new(&vertices, &faces).unwrap();
         let factors: Vec<f64> = faces
             .iter()
             .map(|f| {
@@ -167,7 +167,7 @@ fn a_plane_measured_by_its_distance_from_a_point_is_flat_in_polar_coordinates() 
 #[test]
 fn points_in_faces_are_sources_too() {
     let (vertices, faces) = grid(21, 0.3);
-    let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let marching = FastMarching::new(&mesh);
     let mut workspace = Workspace::new(&marching);
     let mut out = vec![0.0; mesh.vertices.len()];
@@ -187,7 +187,7 @@ fn points_in_faces_are_sources_too() {
 #[test]
 fn bounded_marches_agree_with_whole_ones() {
     let (vertices, faces) = sphere(4);
-    let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let marching = FastMarching::new(&mesh);
     let mut workspace = Workspace::new(&marching);
     let n = mesh.vertices.len();
@@ -211,7 +211,7 @@ fn nearly_a_metric() {
     for p in &mut vertices {
         *p = [p[0] * (1.0 + 0.6 * p[1]), 1.7 * p[1], 0.5 * p[2]];
     }
-    let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let marching = FastMarching::new(&mesh);
     let samples = farthest_points(&marching, &mesh, 40, &never).unwrap();
     let distances = distances_from(&marching, &samples, &never).unwrap();
@@ -256,8 +256,8 @@ fn samples_follow_the_shape() {
             [b, c, a]
         })
         .collect();
-    let first = Mesh::new(&vertices, &faces, false).unwrap();
-    let second = Mesh::new(&moved, &renumbered, false).unwrap();
+    let first = Mesh::new(&vertices, &faces).unwrap();
+    let second = Mesh::new(&moved, &renumbered).unwrap();
     let [a, b] = [&first, &second]
         .map(|mesh| farthest_points(&FastMarching::new(mesh), mesh, 100, &never).unwrap());
     let image: Vec<u32> = a.iter().map(|&v| place(v as usize) as u32).collect();
@@ -269,23 +269,17 @@ fn samples_follow_the_shape() {
 }
 
 #[test]
-fn samples_leave_closing_vertices_alone_and_stop_at_the_last_vertex() {
+fn samples_stop_at_the_last_vertex() {
     let (vertices, faces) = grid(6, 0.0);
-    let mesh = Mesh::new(&vertices, &faces, true).unwrap();
-    assert!(mesh.vertices.len() > mesh.surface_vertices);
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let samples = farthest_points(&FastMarching::new(&mesh), &mesh, 1000, &never).unwrap();
-    assert_eq!(samples.len(), mesh.surface_vertices);
-    assert!(
-        samples
-            .iter()
-            .all(|&s| (s as usize) < mesh.surface_vertices)
-    );
+    assert_eq!(samples.len(), mesh.vertices.len());
 }
 
 #[test]
 fn threads_do_not_change_distances() {
     let (vertices, faces) = sphere(4);
-    let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let marching = FastMarching::new(&mesh);
     let sources: Vec<u32> = (0..50).map(|i| i * 17).collect();
     let run = |threads| {
@@ -301,7 +295,7 @@ fn threads_do_not_change_distances() {
 #[test]
 fn cancelling_and_bad_sources_are_errors() {
     let (vertices, faces) = sphere(2);
-    let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let marching = FastMarching::new(&mesh);
     let cancelled = || true;
     assert_eq!(

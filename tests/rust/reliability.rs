@@ -66,7 +66,7 @@ proptest! {
 }
 
 fn mesh_of(vertices: &[[f64; 3]], faces: &[[i64; 3]]) -> Mesh {
-    Mesh::new(vertices, faces, false).unwrap()
+    Mesh::new(vertices, faces).unwrap()
 }
 
 #[test]
@@ -246,7 +246,7 @@ fn a_ground_plane_larger_than_the_body_is_dropped() {
 fn messages_say_where_and_what_to_do() {
     let (mut vertices, mut faces) = common::icosphere(2);
     faces.push([0, 1, 900]);
-    let refused = |v: &[[f64; 3]], f: &[[i64; 3]]| Mesh::new(v, f, false).unwrap_err();
+    let refused = |v: &[[f64; 3]], f: &[[i64; 3]]| Mesh::new(v, f).unwrap_err();
     let error = refused(&vertices, &faces);
     assert_eq!(
         error,

@@ -39,7 +39,7 @@ fn position(mesh: &Mesh, point: &SurfacePoint) -> Point {
 #[test]
 fn a_sphere_stays_a_sphere_with_even_triangles() {
     let (vertices, faces) = icosphere(5);
-    let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let coarse = simplified(&mesh, 1000, &|| false).unwrap();
     assert_eq!(coarse.kept.len(), 1000);
     assert_eq!(euler_and_border(1000, &coarse.faces), (2, 0));
@@ -79,7 +79,7 @@ fn a_border_shrinks_along_itself() {
             [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]
         })
         .collect();
-    let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let coarse = simplified(&mesh, 300, &|| false).unwrap();
     assert_eq!(coarse.kept.len(), 300);
     let (euler, border) = euler_and_border(300, &coarse.faces);
@@ -99,7 +99,7 @@ fn a_border_shrinks_along_itself() {
 #[test]
 fn points_return_from_the_simplified_mesh() {
     let (vertices, faces) = icosphere(5);
-    let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let (working, full) = FullResolution::new(mesh, 1000, &Progress::default()).unwrap();
     let back = full.located(&full.points, &working, &|| Ok(())).unwrap();
     let edge = (4.0 / 3.0f64.sqrt() / 2000.0).sqrt();

@@ -38,7 +38,7 @@ impl Sphere {
 
 fn sphere(pairs: usize) -> Sphere {
     let (vertices, faces) = icosphere(4);
-    let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+    let mesh = Mesh::new(&vertices, &faces).unwrap();
     let laplacian = Laplacian::new(&mesh).unwrap();
     let basis = Eigenbasis::new(&laplacian, pairs, &|| false).unwrap();
     // The first vertices are those of the coarser icospheres: evenly spread.

@@ -15,7 +15,7 @@ use sgmds_core::mesh::Mesh;
 
 fn icosphere(subdivisions: usize) -> Mesh {
     let (vertices, faces) = common::icosphere(subdivisions);
-    Mesh::new(&vertices, &faces, false).unwrap()
+    Mesh::new(&vertices, &faces).unwrap()
 }
 
 /// An open, uneven sheet with obtuse triangles, renumbered by `order`.
@@ -37,7 +37,7 @@ fn sheet(side: usize, order: impl Fn(usize) -> usize) -> Mesh {
             faces.push([id(i - 1, j - 1), id(i, j), id(i - 1, j)]);
         }
     }
-    Mesh::new(&vertices, &faces, false).unwrap()
+    Mesh::new(&vertices, &faces).unwrap()
 }
 
 fn basis(mesh: &Mesh, k: usize) -> (Laplacian, Eigenbasis) {

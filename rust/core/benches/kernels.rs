@@ -50,7 +50,7 @@ fn bumpy_sphere(rings: usize) -> (Vec<[f64; 3]>, Vec<[i64; 3]>) {
 
 fn mesh(rings: usize) -> Mesh {
     let (vertices, faces) = bumpy_sphere(rings);
-    Mesh::new(&vertices, &faces, false).expect("a closed surface")
+    Mesh::new(&vertices, &faces).expect("a closed surface")
 }
 
 const RINGS: usize = 50;

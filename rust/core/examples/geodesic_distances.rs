@@ -20,7 +20,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let output = arguments.next().ok_or("which output file?")?;
     let count: usize = arguments.next().map_or(Ok(20), |s| s.parse())?;
     let (vertices, faces) = read_off(&std::fs::read_to_string(path)?)?;
-    let mesh = Mesh::new(&vertices, &faces, false)?;
+    let mesh = Mesh::new(&vertices, &faces)?;
 
     let begin = Instant::now();
     let marching = FastMarching::new(&mesh);

@@ -17,7 +17,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(path) => read_off(&std::fs::read_to_string(path)?)?,
         None => blob(71, 70),
     };
-    let mesh = Mesh::new(&vertices, &faces, false)?;
+    let mesh = Mesh::new(&vertices, &faces)?;
     println!("{} vertices, k = {k}", mesh.vertices.len());
     for _ in 0..5 {
         let start = Instant::now();

@@ -64,7 +64,7 @@ impl FullResolution {
             .map(|&v| mesh.vertices[v as usize])
             .collect();
         let faces: Vec<[i64; 3]> = coarse.faces.iter().map(|f| f.map(i64::from)).collect();
-        let mut working = Mesh::new(&positions, &faces, false)?;
+        let mut working = Mesh::new(&positions, &faces)?;
         // What the check dropped takes over the anchor of any vertex that is left.
         let mut number = vec![0; positions.len()];
         for (i, &v) in working.input_vertex.iter().enumerate() {

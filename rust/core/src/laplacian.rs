@@ -247,7 +247,7 @@ mod tests {
             .filter(|v| v % side < side - 1)
             .flat_map(|v| [[v, v + 1, v + side], [v + 1, v + side + 1, v + side]])
             .collect();
-        let mesh = Mesh::new(&vertices, &faces, false).unwrap();
+        let mesh = Mesh::new(&vertices, &faces).unwrap();
         assert!(mesh.is_regular());
         let (plain, cover) = (Laplacian::on_triangles(&mesh), Laplacian::on_cover(&mesh));
         for (i, row) in plain.stiffness.outer_iterator().enumerate() {

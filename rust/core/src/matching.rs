@@ -6,7 +6,7 @@ use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
 use crate::baselines::{Convergence, Embedding, functional_map, gmds};
-use crate::confidence::{confidence, local_distortion};
+use crate::confidence::{beyond_rims, confidence, local_distortion};
 use crate::dense::{self, Rows};
 use crate::descriptors::DETAIL_CURVATURES;
 use crate::distance_operator;
@@ -342,7 +342,7 @@ fn fits_better_where_it_differs(
         let apart = vector::sub(at(&map.images, v), at(&other.images, v));
         vector::norm(apart) > ELSEWHERE
     };
-    let part: Vec<usize> = (0..target.mesh.surface_vertices)
+    let part: Vec<usize> = (0..target.mesh.vertices.len())
         .filter(|&v| differs(v))
         .collect();
     let share: f64 = part.iter().map(|&v| target.mass[v]).sum();
@@ -373,7 +373,7 @@ fn fits_better_where_it_differs(
 fn curvature_agreement(target: &Shape, source: &Shape, images: &[u32]) -> f64 {
     let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
         let weighted = |v: usize| target.mass[v] * value(v);
-        (0..target.mesh.surface_vertices).map(weighted).sum()
+        (0..target.mesh.vertices.len()).map(weighted).sum()
     };
     let (own, there) = (&target.descriptors.detail, &source.descriptors.detail);
     let correlation = |scale: usize| {
@@ -478,7 +478,7 @@ fn completed_and_ranked<'a>(
     )?;
     report("dense map", 0.9)?;
     let (asking, answering) = (&state.target, &state.source);
-    let images = &asking.images.vertex[..target.mesh.surface_vertices];
+    let images = &asking.images.vertex;
     let distortion = local_distortion(target, source, images, progress)?;
     let judging = |side: &Side<'_>| -> Vec<u32> {
         selection::judging(side.shape())
@@ -546,13 +546,10 @@ fn embedded(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
     report("dense map", 0.5)?;
-    let images = |from: &Shape, a: &Rows, to: &Shape, b: &Rows| {
-        let real = |s: &Shape| (0..s.mesh.surface_vertices as u32).collect::<Vec<_>>();
-        let (asking, answering) = (a.gather(&real(from)), b.gather(&real(to)));
-        nearest_unless(&asking, &answering, &|| progress.check())
-    };
-    let on_source = images(target, &embedding.target, source, &embedding.source)?;
-    let on_target = images(source, &embedding.source, target, &embedding.target)?;
+    let images =
+        |asking: &Rows, answering: &Rows| nearest_unless(asking, answering, &|| progress.check());
+    let on_source = images(&embedding.target, &embedding.source)?;
+    let on_target = images(&embedding.source, &embedding.target)?;
     // No surface is deformed, so that there is no gap.
     let misfit: Vec<(f64, f64)> = local_distortion(target, source, &on_source, progress)?
         .into_iter()
@@ -632,24 +629,23 @@ pub fn energy(source: &Shape, target: &Shape, functional_map: MatRef<'_, f64>) -
 fn dense_map(
     source: &Shape,
     target: &Shape,
-    (target_rows, on_source): (&Rows, &[u32]),
-    (source_rows, on_target): (&Rows, &[u32]),
+    (target_rows, images): (&Rows, &[u32]),
+    (source_rows, back): (&Rows, &[u32]),
     misfit: &[(f64, f64)],
     landmarks: &[(u32, u32)],
     progress: &Progress,
 ) -> Result<Correspondence> {
-    let images = &on_source[..target.mesh.surface_vertices];
-    let back = &on_target[..source.mesh.surface_vertices];
     let check: Check<'_> = &|| progress.check();
     let vertices = &target.mesh.vertices;
     let returns = |v: usize| {
         let end = back[images[v] as usize] as usize;
         vector::norm(vector::sub(vertices[v], vertices[end]))
     };
+    let rims = beyond_rims(&source.mesh, &target.mesh, images);
     let mut trust: Vec<f64> = misfit
         .iter()
         .enumerate()
-        .map(|(v, &(distortion, gap))| confidence(distortion, gap, returns(v)))
+        .map(|(v, &(distortion, gap))| confidence(distortion, gap, returns(v), rims[v]))
         .collect();
     let mut points = if let Some(full) = &target.full {
         trust = full.carried(&trust, &target.mesh);
@@ -766,8 +762,7 @@ fn in_given_numbering(
     for (i, &v) in mesh.input_vertex.iter().enumerate() {
         checked[v as usize] = Some(i as u32);
     }
-    let surface = &mesh.vertices[..mesh.surface_vertices];
-    let tree = SpaceTree::new(surface);
+    let tree = SpaceTree::new(&mesh.vertices);
     let mut found = Correspondence {
         faces: Vec::with_capacity(count),
         barycentric: Vec::with_capacity(count),

@@ -38,31 +38,24 @@ pub struct IntakeReport {
     pub flipped_faces: usize,
     /// Edges with more than two faces.
     pub nonmanifold_edges: usize,
-    /// Edges with one face, before holes were closed.
+    /// Edges with one face.
     pub boundary_edges: usize,
-    /// Boundary loops closed with a fan.
-    pub closed_holes: usize,
 }
 
 /// Largest connected part of a triangle mesh, scaled to unit area and centred at its area centroid.
 ///
-/// Lengths here are unit-area lengths; multiply by `scale` for the mesh's own. Vertices from
-/// `surface_vertices` on and faces from `surface_faces` on are not the user's: they close holes.
+/// Lengths here are unit-area lengths; multiply by `scale` for the mesh's own.
 #[derive(Debug, Clone)]
 pub struct Mesh {
     /// Vertex positions, `(n)`, at unit area.
     pub vertices: Vec<Point>,
     /// Triangles, `(m)`, consistently wound where the surface is orientable.
     pub faces: Vec<[u32; 3]>,
-    /// How many vertices belong to the given mesh; the rest close holes.
-    pub surface_vertices: usize,
-    /// How many faces belong to the given mesh; the rest close holes.
-    pub surface_faces: usize,
-    /// Given vertex of each surface vertex.
+    /// Given vertex of each vertex.
     pub input_vertex: Vec<u32>,
-    /// Given face of each surface face.
+    /// Given face of each face.
     pub input_face: Vec<u32>,
-    /// Whether the last two corners of each surface face were exchanged to turn its winding.
+    /// Whether the last two corners of each face were exchanged to turn its winding.
     pub turned: Vec<bool>,
     /// Given mesh's length of one unit here: √area.
     pub scale: f64,
@@ -123,14 +116,12 @@ impl Mesh {
     /// Duplicate faces are dropped, and those without an area, except where they join two others:
     /// vertices on the straight edge of a triangle need them. Windings are made to agree. Of the
     /// connected parts with vertices enough for a spectrum the one with the largest area is kept: a
-    /// ground plane of two triangles may be larger than the character on it. With `close_holes` every
-    /// boundary loop is closed by a fan around its centroid, which halves the error of shapes with
-    /// holes; a shape that is a cut-off part is better left open.
+    /// ground plane of two triangles may be larger than the character on it.
     ///
     /// # Errors
     /// [`Error::NotFinite`], [`Error::FaceIndexOutOfRange`], [`Error::EmptyMesh`],
     /// [`Error::TooFewVertices`].
-    pub fn new(vertices: &[Point], faces: &[[i64; 3]], close_holes: bool) -> Result<Self> {
+    pub fn new(vertices: &[Point], faces: &[[i64; 3]]) -> Result<Self> {
         let mut report = IntakeReport::default();
         let (mut kept, normalised, unit, origin) = checked_faces(vertices, faces, &mut report)?;
         drop_smaller_components(vertices.len(), &normalised, &mut kept, &mut report);
@@ -176,10 +167,8 @@ impl Mesh {
         }
         let length = area.sqrt();
         let place = |p: &Point| vector::scaled(vector::sub(*p, centre), 1.0 / length);
-        let mut mesh = Self {
+        Ok(Self {
             vertices: positions.iter().map(place).collect(),
-            surface_vertices: positions.len(),
-            surface_faces: faces.len(),
             faces,
             input_vertex,
             input_face: kept.iter().map(|&(id, _)| id).collect(),
@@ -188,11 +177,7 @@ impl Mesh {
             turned,
             report,
             input_positions: normalised.iter().map(place).collect(),
-        };
-        if close_holes {
-            mesh.close_holes();
-        }
-        Ok(mesh)
+        })
     }
 
     /// Whether every edge has one face or two, the faces around every vertex are one fan, and no
@@ -300,36 +285,18 @@ impl Mesh {
         )
     }
 
-    fn close_holes(&mut self) {
-        for boundary in boundary_loops(&self.faces) {
-            let mut centre = [0.0; 3];
-            for &v in &boundary {
-                centre = vector::add(centre, self.vertices[v as usize]);
-            }
-            let hub = self.vertices.len() as u32;
-            self.vertices
-                .push(vector::scaled(centre, 1.0 / boundary.len() as f64));
-            for (i, &v) in boundary.iter().enumerate() {
-                let next = boundary[(i + 1) % boundary.len()];
-                // The loop runs along the surface's own winding, so the fan runs against it.
-                self.faces.push([next, v, hub]);
-            }
-            self.report.closed_holes += 1;
-        }
-        if self.report.closed_holes > 0 {
-            self.rescale_with_caps();
-        }
-    }
-
-    /// After capping the closed surface has unit area, so that spectra of the two shapes agree.
-    fn rescale_with_caps(&mut self) {
-        let (area, centre) = area_and_centroid(&self.vertices, &self.faces);
-        let length = area.sqrt();
-        for p in self.vertices.iter_mut().chain(&mut self.input_positions) {
-            *p = vector::scaled(vector::sub(*p, centre), 1.0 / length);
-        }
-        self.centre = vector::add(self.centre, vector::scaled(centre, self.scale));
-        self.scale *= length;
+    /// Vertices of the edges with one face, in ascending order.
+    #[must_use]
+    pub fn boundary_vertices(&self) -> Vec<u32> {
+        let edges = edge_faces(self.faces.iter().copied());
+        let mut ids: Vec<u32> = edges
+            .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
+            .filter(|run| run.len() == 1)
+            .flat_map(|run| [run[0].0, run[0].1])
+            .collect();
+        ids.sort_unstable();
+        ids.dedup();
+        ids
     }
 }
 
@@ -595,46 +562,6 @@ fn orient(faces: &mut FacesWithIds, report: &mut IntakeReport) -> Vec<bool> {
         }
     }
     turned
-}
-
-/// Boundary loops as vertex cycles along the winding of their faces. A loop that runs through a
-/// vertex twice is split there.
-fn boundary_loops(faces: &[[u32; 3]]) -> Vec<Vec<u32>> {
-    let edges = edge_faces(faces.iter().copied());
-    let mut next: Vec<(u32, u32)> = edges
-        .chunk_by(|a, b| (a.0, a.1) == (b.0, b.1))
-        .filter(|run| run.len() == 1)
-        .map(|run| {
-            let (low, high, _, forward) = run[0];
-            if forward { (low, high) } else { (high, low) }
-        })
-        .collect();
-    next.sort_unstable();
-    let mut used = vec![false; next.len()];
-    let mut loops = Vec::new();
-    for start in 0..next.len() {
-        let mut path: Vec<u32> = Vec::new();
-        let mut at = Some(start);
-        while let Some(edge) = at {
-            if used[edge] {
-                break;
-            }
-            used[edge] = true;
-            path.push(next[edge].0);
-            let to = next[edge].1;
-            if let Some(position) = path.iter().position(|&v| v == to) {
-                let closed = path.split_off(position);
-                if closed.len() > 2 {
-                    loops.push(closed);
-                }
-            }
-            let first = next.partition_point(|e| e.0 < to);
-            at = (first..next.len())
-                .take_while(|&e| next[e].0 == to)
-                .find(|&e| !used[e]);
-        }
-    }
-    loops
 }
 
 /// Total area and its centroid.

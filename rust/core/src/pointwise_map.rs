@@ -72,8 +72,9 @@ pub fn projected_at_full_resolution(
     images: &[u32],
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
-    let surface = source.mesh.surface_faces;
-    let sides: Vec<[f64; 3]> = source.mesh.faces[..surface]
+    let sides: Vec<[f64; 3]> = source
+        .mesh
+        .faces
         .par_iter()
         .map(|corners| {
             let [a, b, c] = corners.map(|v| source_rows.row(v as usize));
@@ -142,7 +143,6 @@ impl NearFaces {
                 faces.extend(source.vertex_faces.row(v as usize));
             }
         }
-        faces.retain(|&f| (f as usize) < source.mesh.surface_faces);
         faces.sort_unstable();
         faces.dedup();
         let mut vertices: Vec<u32> = faces
@@ -227,7 +227,6 @@ pub fn project(query: &[f32], source: &Rows, image: u32, shape: &Shape) -> Surfa
         .neighbours
         .row(image as usize)
         .iter()
-        .filter(|&&v| (v as usize) < shape.mesh.surface_vertices)
         .map(|&v| {
             (
                 squared_distance(query, source.row(v as usize), f32::INFINITY),
@@ -242,7 +241,6 @@ pub fn project(query: &[f32], source: &Rows, image: u32, shape: &Shape) -> Surfa
         .iter()
         .flat_map(|&(_, v)| shape.vertex_faces.row(v as usize))
         .copied()
-        .filter(|&f| (f as usize) < shape.mesh.surface_faces)
         .collect();
     faces.sort_unstable();
     faces.dedup();

@@ -110,7 +110,7 @@ impl Shape {
         let cancelled = || progress.is_cancelled();
         let basis = Eigenbasis::new(&surface.laplacian, pairs, &cancelled)?;
         report("sampling", 0.6)?;
-        let wanted = SAMPLES.min(mesh.surface_vertices);
+        let wanted = SAMPLES.min(mesh.vertices.len());
         let farthest = geodesics::farthest_points(&surface.marching, &mesh, wanted, &cancelled)?;
         report("geodesics", 0.7)?;
         let marched = &farthest[..MARCHED.min(farthest.len())];
@@ -126,7 +126,7 @@ impl Shape {
         progress: &Progress,
         report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
     ) -> Result<(Mesh, Option<FullResolution>)> {
-        let mesh = Mesh::new(vertices, faces, false)?;
+        let mesh = Mesh::new(vertices, faces)?;
         if mesh.vertices.len() <= SIMPLIFIED_ABOVE {
             return Ok((mesh, None));
         }
@@ -221,9 +221,7 @@ impl Shape {
             && functions.ncols() == values.len()
             && values.len() > 1
             && (1..=farthest.len()).contains(&fields.ncols())
-            && farthest
-                .iter()
-                .all(|&v| (v as usize) < mesh.surface_vertices)
+            && farthest.iter().all(|&v| (v as usize) < n)
             && values.windows(2).all(|w| w[0] <= w[1])
             && values.iter().all(|l| l.is_finite())
             && (0..functions.ncols()).all(|j| functions.col(j).iter().all(|x| x.is_finite()))
@@ -314,7 +312,7 @@ impl Shape {
     pub fn drawn_vertices(&self, count: usize) -> Vec<u32> {
         /// Any odd multiplier near 2³²/φ scatters consecutive numbers.
         const SCATTER: u64 = 2_654_435_769;
-        let n = self.mesh.surface_vertices as u64;
+        let n = self.mesh.vertices.len() as u64;
         let more = count.saturating_sub(self.farthest.len()) as u64;
         let scattered = (0..more).map(|i| (((i * SCATTER) % (1 << 32) * n) >> 32) as u32);
         let mut drawn: Vec<u32> = self.farthest.iter().copied().chain(scattered).collect();

@@ -30,7 +30,7 @@ impl Kernels {
     ) -> PyResult<Self> {
         let (vertices, faces) = (triples(&vertices)?, triples(&faces)?);
         watched(py, None, None, |_| {
-            let mesh = Mesh::new(&vertices, &faces, false)?;
+            let mesh = Mesh::new(&vertices, &faces)?;
             Ok(Self {
                 laplacian: Laplacian::new(&mesh)?,
                 marching: FastMarching::new(&mesh),

@@ -163,7 +163,6 @@ impl PreparedShape {
             ("flipped_faces", r.flipped_faces),
             ("nonmanifold_edges", r.nonmanifold_edges),
             ("boundary_edges", r.boundary_edges),
-            ("closed_holes", r.closed_holes),
         ] {
             dict.set_item(name, count)?;
         }
@@ -451,7 +450,7 @@ fn checked_size(
 ) -> PyResult<(usize, usize)> {
     let (vertices, faces) = (triples(&vertices)?, triples(&faces)?);
     watched(py, None, None, move |_| {
-        let mesh = Mesh::new(&vertices, &faces, false)?;
+        let mesh = Mesh::new(&vertices, &faces)?;
         Ok((mesh.vertices.len(), mesh.faces.len()))
     })
 }

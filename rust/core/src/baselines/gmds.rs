@@ -218,12 +218,7 @@ impl<'a> Placement<'a> {
                 self.fields.row_mut(v)[i] = 0.0;
             }
         }
-        let surface: Vec<u32> = (0..self.source.mesh.surface_vertices as u32).collect();
-        let vertex = if surface.len() == self.fields.count() {
-            nearest(&query, &self.fields)
-        } else {
-            nearest(&query, &self.fields.gather(&surface))
-        };
+        let vertex = nearest(&query, &self.fields);
         pointwise_map::project(query.row(0), &self.fields, vertex[0], self.source)
     }
 

@@ -34,7 +34,7 @@ pub fn farthest_points(
     count: usize,
     cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Result<Vec<u32>> {
-    let mut chosen = Vec::with_capacity(count.min(mesh.surface_vertices));
+    let mut chosen = Vec::with_capacity(count.min(mesh.vertices.len()));
     let mut to_set = vec![f32::INFINITY; marching.vertex_count()];
     let mut workspace = Workspace::new(marching);
     // Distances only fall: an entry above its vertex's distance is out of date and goes back.
@@ -49,7 +49,7 @@ pub fn farthest_points(
             to_set[v as usize] = distance;
         }
         if chosen.is_empty() {
-            farthest = (0..mesh.surface_vertices as u32)
+            farthest = (0..mesh.vertices.len() as u32)
                 .map(|v| (to_set[v as usize].to_bits(), Reverse(v)))
                 .collect();
         }
@@ -72,10 +72,7 @@ pub fn farthest_points(
 
 /// Vertex farthest from the origin, where the area centroid is.
 fn outermost_vertex(mesh: &Mesh) -> Option<u32> {
-    let radius: Vec<f64> = mesh.vertices[..mesh.surface_vertices]
-        .iter()
-        .map(|&p| vector::norm(p))
-        .collect();
+    let radius: Vec<f64> = mesh.vertices.iter().map(|&p| vector::norm(p)).collect();
     let largest = radius.iter().copied().fold(0.0, f64::max);
     let tied: Vec<u32> = (0..radius.len() as u32)
         .filter(|&v| radius[v as usize] >= largest * (1.0 - TIE))

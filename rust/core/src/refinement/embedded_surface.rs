@@ -307,8 +307,7 @@ impl<'a> Refined<'a> {
                     &state.target.asking,
                     target,
                     (&state.target.rows, &state.target.neighbours),
-                    source,
-                    &state.source.rows,
+                    (&state.source.rows, &source.neighbours),
                     check,
                 )
             },
@@ -318,8 +317,7 @@ impl<'a> Refined<'a> {
                     &state.source.asking,
                     source,
                     (&state.source.rows, &state.source.neighbours),
-                    target,
-                    &state.target.rows,
+                    (&state.target.rows, &target.neighbours),
                     check,
                 )
             },
@@ -420,7 +418,6 @@ impl<'a> Refined<'a> {
                     &target.asking,
                     (target_rows, &target.neighbours),
                     (source_rows, &s.neighbours),
-                    s.mesh.surface_vertices,
                     sweeps,
                     check,
                 )
@@ -430,7 +427,6 @@ impl<'a> Refined<'a> {
                     &source.asking,
                     (source_rows, &source.neighbours),
                     (target_rows, &t.neighbours),
-                    t.mesh.surface_vertices,
                     sweeps,
                     check,
                 )
@@ -547,15 +543,12 @@ fn first_images(
     asking: &[u32],
     own: &Shape,
     (own_rows, neighbours): (&Rows, &Adjacency),
-    other: &Shape,
-    other_rows: &Rows,
+    (other_rows, other_neighbours): (&Rows, &Adjacency),
     check: Check<'_>,
 ) -> Result<()> {
-    let real = other.mesh.surface_vertices;
-    let answers: Vec<u32> = (0..real as u32).collect();
     let spread = asking.len() == own.mesh.vertices.len();
     let known: &[u32] = if spread { &own.farthest } else { asking };
-    let found = nearest_unless(&own_rows.gather(known), &other_rows.gather(&answers), check)?;
+    let found = nearest_unless(&own_rows.gather(known), other_rows, check)?;
     if spread {
         for (&v, &image) in known.iter().zip(&found) {
             images.vertex[v as usize] = image;
@@ -563,8 +556,7 @@ fn first_images(
         images.settle(
             asking,
             (own_rows, neighbours),
-            (other_rows, &other.neighbours),
-            real,
+            (other_rows, other_neighbours),
             SWEEPS_TO_REST,
             check,
         )?;

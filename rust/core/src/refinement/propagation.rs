@@ -34,8 +34,8 @@ impl Images {
     /// Sweeps until nothing changes, at most `sweeps` times.
     ///
     /// `ids` are the asking vertices; `asking` holds the rows of all their shape's vertices and
-    /// which of the asking ones are neighbours, `answering` the other shape's rows and edges. Only
-    /// the first `answers` vertices may answer. `check` is asked before every sweep.
+    /// which of the asking ones are neighbours, `answering` the other shape's rows and edges. `check`
+    /// is asked before every sweep.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
@@ -44,11 +44,10 @@ impl Images {
         ids: &[u32],
         asking: (&Rows, &Adjacency),
         answering: (&Rows, &Adjacency),
-        answers: usize,
         sweeps: usize,
         check: Check<'_>,
     ) -> Result<()> {
-        vectorised(|| self.settle_in_lanes(ids, asking, answering, answers, sweeps, check))
+        vectorised(|| self.settle_in_lanes(ids, asking, answering, sweeps, check))
     }
 
     #[inline(always)]
@@ -57,7 +56,6 @@ impl Images {
         ids: &[u32],
         asking: (&Rows, &Adjacency),
         answering: (&Rows, &Adjacency),
-        answers: usize,
         sweeps: usize,
         check: Check<'_>,
     ) -> Result<()> {
@@ -84,7 +82,7 @@ impl Images {
                     ids.len() - 1 - step
                 };
                 let here = asking.0.row(ids[i] as usize);
-                changed |= self.improve(i, here, asking.1.row(i), answering, answers);
+                changed |= self.improve(i, here, asking.1.row(i), answering);
             }
             if !changed {
                 break;
@@ -102,7 +100,6 @@ impl Images {
         here: &[f32],
         neighbours: &[u32],
         answering: (&Rows, &Adjacency),
-        answers: usize,
     ) -> bool {
         let (start, mut best) = (self.vertex[i], (self.vertex[i], self.cost[i]));
         for &j in neighbours {
@@ -120,11 +117,9 @@ impl Images {
         loop {
             let from = best.0;
             for &q in answering.1.row(from as usize) {
-                if (q as usize) < answers {
-                    let cost = squared_distance(here, answering.0.row(q as usize), best.1);
-                    if cost < best.1 {
-                        best = (q, cost);
-                    }
+                let cost = squared_distance(here, answering.0.row(q as usize), best.1);
+                if cost < best.1 {
+                    best = (q, cost);
                 }
             }
             if best.0 == from {
