@@ -213,6 +213,19 @@ def test_what_cannot_fit_is_refused_with_the_numbers(small, monkeypatch):
         sgmds.Shape(*large)
 
 
+def test_a_file_that_unpacks_to_too_much_is_refused(corr, tmp_path, monkeypatch):
+    path = tmp_path / "bomb.npz"
+    corr.save(path)
+    with np.load(path) as file:
+        arrays = dict(file)
+    arrays["barycentric"] = np.zeros((5_000_000, 3))
+    np.savez_compressed(path, **arrays)
+    assert path.stat().st_size < 1e6
+    monkeypatch.setattr(memory, "available", lambda: 100_000_000)
+    with pytest.raises(sgmds.NotEnoughMemory, match=r"bomb.npz: unpacks to 0\.1 GB, 0\.1 GB are free"):
+        sgmds.Correspondence.load(path)
+
+
 def test_what_is_dropped_needs_no_memory(small, monkeypatch):
     """Loose triangles that would not fit, were they prepared."""
     monkeypatch.setattr(memory, "available", lambda: 300_000_000)

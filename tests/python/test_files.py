@@ -5,7 +5,7 @@ import struct
 
 import numpy as np
 import pytest
-from sgmds import MeshError
+from sgmds import MeshError, files
 from sgmds.files import read_mesh
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
@@ -110,6 +110,19 @@ def test_missing_file(tmp_path):
         read_mesh(tmp_path / "none.off")
 
 
+def test_a_polygon_that_crosses_itself_has_its_triangles():
+    """What is left without an ear becomes a fan: as many triangles as any polygon of its size has."""
+    random = np.random.default_rng(0)
+    for size in (5, 30, 300):
+        corners = random.normal(size=(size, 3))
+        faces = files._triangulated(corners, [list(range(size))])
+        assert faces.shape == (size - 2, 3) and set(faces.ravel()) == set(range(size))
+        # Each side of the polygon belongs to one triangle, each other edge to two.
+        edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
+        _, counts = np.unique(edges, axis=0, return_counts=True)
+        assert (counts == 1).sum() == size
+
+
 def area(vertices, faces):
     a, b, c = (vertices[faces[:, i]] for i in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
@@ -123,6 +136,12 @@ HOLLOW = {
         [(0, 0), (4, 0), (4, 4), (0, 4), (1, 1), (1, 3), (3, 3), (3, 1)],
         [0, 1, 2, 3, 0, 4, 5, 6, 7, 4],
         12,
+    ),
+    # Every second corner is hollow; once it took a time that grows with the cube of the corners.
+    "star": (
+        [[(1 + k % 2) * f(np.pi * k / 400) for f in (np.cos, np.sin)] for k in range(800)],
+        None,
+        800 * np.sin(np.pi / 400),
     ),
     "point on an edge": ([(0, 0), (1, 0), (2, 0), (2, 2), (0, 2)], None, 4),
 }

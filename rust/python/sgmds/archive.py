@@ -1,15 +1,14 @@
 """Files of arrays: .npz that numpy alone can read, written whole or not at all."""
 
 import os
-import zipfile
-import zlib
 from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from .errors import SgmdsError
+from . import memory
+from .errors import NotEnoughMemory, SgmdsError
 from .whole_file import whole_file
 
 
@@ -31,21 +30,18 @@ def read(
     """
     try:
         with np.load(path, allow_pickle=False) as file:
+            # A small file may unpack to any size; no more is unpacked than its table of contents says.
+            size, free = sum(entry.file_size for entry in file.zip.infolist()), memory.available()
+            if free is not None and size > free:
+                raise NotEnoughMemory(
+                    f"{path}: unpacks to {size / memory.GIGABYTE:.1f} GB, "
+                    f"{free / memory.GIGABYTE:.1f} GB are free: close other programs, or make it again"
+                )
             arrays = {name: file[name] for name in file.files}
-    except FileNotFoundError:
+    except (FileNotFoundError, NotEnoughMemory):
         raise
-    except (
-        OSError,
-        ValueError,
-        EOFError,
-        KeyError,
-        AttributeError,
-        NotImplementedError,
-        OverflowError,
-        MemoryError,
-        zipfile.BadZipFile,
-        zlib.error,
-    ) as error:
+    except Exception as error:
+        # zipfile, zlib, numpy and its tokenizer fail in many ways on damage; each is the file's fault.
         raise SgmdsError(f"{path}: not a readable {kind} file ({error}): make it again") from error
     if str(arrays.get("format")) != kind:
         raise SgmdsError(f"{path}: not a {kind} file: make it again")

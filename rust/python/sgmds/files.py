@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import gzip
 import io
+import itertools
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,9 @@ import numpy as np
 
 FORMATS = ("obj", "off", "ply", "stl", "glb")
 GZIPPED = ("off", "obj", "ply")
+# How often corners of a polygon that were no ears are looked at again; a polygon that does not cross itself
+# needs two or three.
+_ROUNDS = 8
 
 
 def mesh_format(path) -> str:
@@ -132,11 +136,16 @@ def _triangulated(vertices: np.ndarray, polygons: list[list[int]]) -> np.ndarray
 def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
     """Triangles (k − 2, 3) of a polygon of k corners, projected along its normal, by cutting ears off.
 
-    The ear with the shortest cut goes first. A polygon that crosses itself still gives k − 2 triangles.
+    The ear with the shortest cut goes first. What is left without an ear, when a polygon crosses itself,
+    becomes a fan, so that the work grows with k² and not with k³.
     """
     axis = np.argmax(np.abs(normal))
     flat = np.delete(points, axis, axis=1) * (1, 1 if (normal[axis] > 0) == (axis != 1) else -1)
-    left = list(range(len(flat)))
+    corners = np.arange(len(flat))
+    before, after = np.roll(corners, 1), np.roll(corners, -1)
+    left = np.ones(len(flat), dtype=bool)
+    # Length of the cut, infinite where a corner is no ear. A cut makes no ear of another corner useless.
+    cut = np.full(len(flat), np.inf)
     triangles: list[tuple[int, ...]] = []
 
     def turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
@@ -144,21 +153,33 @@ def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
             c[..., 0] - a[..., 0]
         )
 
-    while len(left) > 3:
-        best = (True, np.inf, 0)
-        for k in range(len(left)):
-            ids = left[k - 1], left[k], left[(k + 1) % len(left)]
-            a, b, c = flat[list(ids)]
-            others = flat[[v for v in left if v not in ids]]
-            inside = (turn(a, b, others) >= 0) & (turn(b, c, others) >= 0) & (turn(c, a, others) >= 0)
-            # A bridge to a hole passes its ends twice: a double of a corner is not inside.
-            inside &= ~((others[:, None] == (a, b, c)).all(axis=2).any(axis=1))
-            bad = turn(a, b, c) <= 0 or inside.any()
-            best = min(best, (bool(bad), float(((c - a) ** 2).sum()), k))
-        k = best[2]
-        triangles.append((left[k - 1], left[k], left[(k + 1) % len(left)]))
-        del left[k]
-    triangles.append(tuple(left))
+    def judge(corner: int) -> None:
+        a, b, c = (flat[k] for k in (before[corner], corner, after[corner]))
+        cut[corner] = np.inf
+        if turn(a, b, c) <= 0:
+            return
+        others = flat[left]
+        inside = (turn(a, b, others) >= 0) & (turn(b, c, others) >= 0) & (turn(c, a, others) >= 0)
+        # The three themselves, and doubles of them: a bridge to a hole passes its ends twice.
+        inside &= ~((others[:, None] == (a, b, c)).all(axis=2).any(axis=1))
+        if not inside.any():
+            cut[corner] = ((c - a) ** 2).sum()
+
+    waiting = corners
+    for _ in range(_ROUNDS):
+        # Corners that were blocked may have come free.
+        for corner in waiting:
+            judge(corner)
+        while len(triangles) < len(flat) - 3 and np.isfinite(cut[corner := int(np.argmin(cut))]):
+            triangles.append((before[corner], corner, after[corner]))
+            left[corner], cut[corner] = False, np.inf
+            after[before[corner]], before[after[corner]] = after[corner], before[corner]
+            judge(before[corner])
+            judge(after[corner])
+        waiting = np.flatnonzero(left)
+        if len(waiting) == 3:
+            break
+    triangles += [(waiting[0], b, c) for b, c in itertools.pairwise(waiting[1:])]
     return np.array(triangles)
 
 
