@@ -166,17 +166,16 @@ fn rotate_towards(rotation: &mut Rotation, columns: &[Point; 3]) {
         }
         let least = f64::MIN_POSITIVE.sqrt();
         let step = vector::scaled(moment, 1.0 / (aligned.abs() + least));
-        let angle = vector::norm(step);
-        if angle < ROTATION_ACCURACY || !angle.is_finite() {
+        let half = vector::scaled(step, 0.5);
+        let square = vector::dot(half, half);
+        if 4.0 * square < ROTATION_ACCURACY.powi(2) || !square.is_finite() {
             break;
         }
-        let axis = vector::scaled(step, 1.0 / angle);
-        let (sine, cosine) = angle.sin_cos();
         for r in rotation.iter_mut() {
-            // Rodrigues' formula.
-            let along = vector::scaled(axis, (1.0 - cosine) * vector::dot(axis, *r));
-            let across = vector::scaled(vector::cross(axis, *r), sine);
-            *r = vector::add(vector::add(vector::scaled(*r, cosine), across), along);
+            // Cayley's rotation by 2·atan(‖step‖/2).
+            let across = vector::cross(half, *r);
+            let change = vector::add(across, vector::cross(half, across));
+            *r = vector::add(*r, vector::scaled(change, 2.0 / (1.0 + square)));
         }
     }
 }
