@@ -1,0 +1,299 @@
+//! The automatic method: which of the maps found is completed, and which are kept beside it.
+
+use std::sync::Arc;
+
+use rayon::prelude::*;
+
+use super::Correspondence;
+use super::correspondence::dense_map;
+use crate::confidence::local_distortion;
+use crate::descriptors::DETAIL_CURVATURES;
+use crate::error::{Error, Result};
+use crate::hints::Hints;
+use crate::map_search::{SampledPair, Width};
+use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
+use crate::progress::Progress;
+use crate::quality;
+use crate::refinement::embedded_surface::{self, Refined, Side};
+use crate::selection::{self, Figures, Hypothesis};
+use crate::shape::Shape;
+use crate::vector;
+
+/// A map between a part and a whole is taken when its rank is below this times that of the map
+/// between wholes: right ones reach 0.5 to 0.78, on whole shapes they stay above 0.95.
+const PART_FITS_BETTER: f64 = 0.8;
+/// Two images of a vertex that are farther apart than this are different.
+const ELSEWHERE: f64 = 0.05;
+/// Close maps that differ on at most this share of the target are compared on that part.
+const PART_AT_MOST: f64 = 0.5;
+/// Added to the power of weighted curvatures: that of a sphere's sampling noise.
+const CURVATURE_FLOOR: f64 = 1e-5;
+/// Close hypotheses completed at most.
+const MOST_COMPLETED: usize = 3;
+
+/// Hypotheses for two whole shapes. When they are poor, also for either being a part of the other,
+/// which must then fit clearly better, since half as many questions are easier to answer well; and
+/// when these are no better, once more for whole shapes by a wider search.
+pub(super) fn whole_or_part(
+    pair: &Pair<'_>,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Vec<Hypothesis>> {
+    let search = |shares: Shares, width: Width, (from, to): (f64, f64)| {
+        let stage = |s: &'static str, f: f64| report(s, from + (to - from) * f);
+        hypotheses(&Pair { shares, ..*pair }, width, progress, &stage)
+    };
+    let mut best = search(Shares::BOTH, Width::default(), (0.0, 0.3))?;
+    let whole = best[0].figures;
+    if !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
+        return Ok(best);
+    }
+    let mut bound = PART_FITS_BETTER * whole.rank();
+    for (shares, within) in [
+        (Shares::TARGET_IS_PART, (0.3, 0.4)),
+        (Shares::SOURCE_IS_PART, (0.4, 0.5)),
+    ] {
+        let mut part = match search(shares, Width::default(), within) {
+            Err(Error::NoMap { .. }) => continue,
+            found => found?,
+        };
+        if part[0].figures.rank() < bound {
+            bound = part[0].figures.rank();
+            part.push(best.swap_remove(0));
+            best = part;
+        }
+    }
+    if best[0].shares == Shares::BOTH {
+        let wide = search(Shares::BOTH, Width::wide(), (0.5, 0.6))?;
+        if wide[0].figures.rank() < best[0].figures.rank() {
+            best = wide;
+        }
+    }
+    Ok(best)
+}
+
+/// Plausible maps, best first.
+pub(super) fn hypotheses(
+    pair: &Pair<'_>,
+    width: Width,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Vec<Hypothesis>> {
+    report("search", 0.0)?;
+    let width = if pair.uses(Part::Search) {
+        width
+    } else {
+        Width { first: 1, beam: 1 }
+    };
+    let candidates = SampledPair::new(*pair).search(width, progress)?;
+    report("selection", 0.5)?;
+    selection::vote(pair, &candidates, &|f| report("selection", 0.5 + 0.5 * f))
+}
+
+/// The best hypothesis completed. Close ones are all completed and ranked anew by their refined
+/// maps; those that differ from the best in a part only are compared on that part. The others are
+/// kept as alternatives.
+pub(super) fn clearest(
+    pair: &Pair<'_>,
+    mut hypotheses: Vec<Hypothesis>,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Correspondence> {
+    let close = selection::rivals(&hypotheses).min(MOST_COMPLETED);
+    let mut completed: Vec<Completed<'_>> = hypotheses[..close]
+        .par_iter()
+        .map(|h| completed_and_ranked(pair, h, progress, report))
+        .collect::<Result<_>>()?;
+    let first = (0..close)
+        .min_by(|&i, &j| completed[i].rank.total_cmp(&completed[j].rank))
+        .ok_or(Error::NoMap {
+            reason: "no candidate stood in the vote".into(),
+        })?;
+    let best = (0..close).fold(first, |best, other| {
+        if other != best && fits_better_where_it_differs(pair, &completed[other], &completed[best])
+        {
+            other
+        } else {
+            best
+        }
+    });
+    selection::compare_with_chosen(pair.source, best, &mut hypotheses);
+    let chosen = hypotheses.remove(best);
+    let mut found = completed
+        .swap_remove(best)
+        .finished(pair, &chosen, progress)?;
+    found.others = hypotheses;
+    Ok(found)
+}
+
+/// Whether a map that differs from another in some part of the target keeps distances and
+/// curvatures better on that part. Over the whole surface a turned leg changes both by little.
+fn fits_better_where_it_differs(
+    pair: &Pair<'_>,
+    map: &Completed<'_>,
+    other: &Completed<'_>,
+) -> bool {
+    let (target, source) = (pair.target, pair.source);
+    let at = |images: &[u32], v: usize| source.mesh.vertices[images[v] as usize];
+    let differs = |v: usize| {
+        let apart = vector::sub(at(&map.images, v), at(&other.images, v));
+        vector::norm(apart) > ELSEWHERE
+    };
+    let part: Vec<usize> = (0..target.mesh.vertices.len())
+        .filter(|&v| differs(v))
+        .collect();
+    let share: f64 = part.iter().map(|&v| target.mass[v]).sum();
+    if part.is_empty() || share > PART_AT_MOST {
+        return false;
+    }
+    let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
+        let sum: f64 = part.iter().map(|&v| target.mass[v] * value(v)).sum();
+        sum / share
+    };
+    let misfit = |c: &Completed<'_>| -> f64 {
+        let distances = if pair.uses(Part::Geodesic) {
+            mean(&|v| c.distortion[v].powi(2)).sqrt()
+        } else {
+            1.0
+        };
+        let (own, there) = (&target.descriptors.detail, &source.descriptors.detail);
+        (0..DETAIL_CURVATURES).fold(distances, |product, scale| {
+            let bend = |v: usize| (own[(v, scale)] - there[(c.images[v] as usize, scale)]).abs();
+            product * mean(&|v| f64::from(bend(v)))
+        })
+    };
+    misfit(map) < misfit(other)
+}
+
+/// Mean correlation over the smoothing scales between the target's curvature and the source's at
+/// the images of its vertices; 0 for shapes without features.
+fn curvature_agreement(target: &Shape, source: &Shape, images: &[u32]) -> f64 {
+    let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
+        let weighted = |v: usize| target.mass[v] * value(v);
+        (0..target.mesh.vertices.len()).map(weighted).sum()
+    };
+    let (own, there) = (&target.descriptors.detail, &source.descriptors.detail);
+    let correlation = |scale: usize| {
+        let here = |v: usize| f64::from(own[(v, scale)]);
+        let image = |v: usize| f64::from(there[(images[v] as usize, scale)]);
+        let (mean_here, mean_image) = (mean(&here), mean(&image));
+        let covariance = mean(&|v| (here(v) - mean_here) * (image(v) - mean_image));
+        let power_here = mean(&|v| (here(v) - mean_here).powi(2));
+        let power_image = mean(&|v| (image(v) - mean_image).powi(2));
+        covariance / ((power_here * power_image).sqrt() + CURVATURE_FLOOR)
+    };
+    (0..DETAIL_CURVATURES).map(correlation).sum::<f64>() / DETAIL_CURVATURES as f64
+}
+
+/// Final refinement and dense map of a hypothesis.
+///
+/// # Errors
+/// [`Error::Cancelled`] and those of the stages.
+pub fn completed(
+    source: &Shape,
+    target: &Shape,
+    hints: &Arc<Hints>,
+    hypothesis: &Hypothesis,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Correspondence> {
+    let pair = Pair {
+        target,
+        source,
+        shares: hypothesis.shares,
+        mirror: Mirror::Allow,
+        hints,
+        left_out: LeftOut::default(),
+    };
+    let mut found = completed_and_ranked(&pair, hypothesis, progress, report)?
+        .finished(&pair, hypothesis, progress)?;
+    found.hints = Arc::clone(hints);
+    Ok(found)
+}
+
+/// A refined map with what decides between close ones.
+struct Completed<'a> {
+    state: Refined<'a>,
+    /// Rank of the refined map.
+    rank: f64,
+    /// Local distortion at each target vertex.
+    distortion: Vec<f64>,
+    /// Source vertex of each target vertex.
+    images: Vec<u32>,
+}
+
+impl Completed<'_> {
+    /// The dense map, with what is known of it.
+    fn finished(
+        self,
+        pair: &Pair<'_>,
+        hypothesis: &Hypothesis,
+        progress: &Progress,
+    ) -> Result<Correspondence> {
+        let (asking, answering) = (&self.state.target, &self.state.source);
+        let gap = |v: usize| {
+            let image = pair.source.mesh.vertices[asking.images.vertex[v] as usize];
+            vector::distance([0, 1, 2].map(|c| self.state.deformed[(v, c)]), image)
+        };
+        let misfit: Vec<(f64, f64)> = (0..self.distortion.len())
+            .map(|v| (self.distortion[v], gap(v)))
+            .collect();
+        let mut found = dense_map(
+            pair.source,
+            pair.target,
+            (&asking.rows, &asking.images.vertex),
+            (&answering.rows, &answering.images.vertex),
+            &misfit,
+            &pair.hints.landmarks,
+            progress,
+        )?;
+        found.figures = Some(Figures {
+            agreement: curvature_agreement(pair.target, pair.source, &self.images),
+            ..hypothesis.figures
+        });
+        found.shares = hypothesis.shares;
+        Ok(found)
+    }
+}
+
+fn completed_and_ranked<'a>(
+    pair: &Pair<'a>,
+    hypothesis: &Hypothesis,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Completed<'a>> {
+    let pair = &Pair {
+        shares: hypothesis.shares,
+        ..*pair
+    };
+    let (target, source) = (pair.target, pair.source);
+    let state = embedded_surface::refined(
+        pair,
+        hypothesis.matrix.as_ref(),
+        embedded_surface::FULL,
+        &|f| report("refinement", 0.9 * f),
+    )?;
+    report("dense map", 0.9)?;
+    let (asking, answering) = (&state.target, &state.source);
+    let images = &asking.images.vertex;
+    let distortion = local_distortion(target, source, images, progress)?;
+    let judging = |side: &Side<'_>| -> Vec<u32> {
+        selection::judging(side.shape())
+            .iter()
+            .map(|&v| side.images.vertex[v as usize])
+            .collect()
+    };
+    let mut refined = selection::figures(
+        pair,
+        hypothesis.matrix.as_ref(),
+        &judging(asking),
+        &judging(answering),
+    );
+    refined.contradiction = hypothesis.figures.contradiction;
+    Ok(Completed {
+        rank: refined.rank(),
+        distortion,
+        images: asking.images.vertex.clone(),
+        state,
+    })
+}

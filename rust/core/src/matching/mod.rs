@@ -1,0 +1,159 @@
+//! The whole chain: two prepared shapes in, a dense map out.
+
+mod choice;
+mod correspondence;
+mod published;
+
+use std::sync::Arc;
+
+use crate::baselines::{functional_map, gmds};
+use crate::error::{Error, Result};
+use crate::hints::Hints;
+use crate::map_search::Width;
+use crate::pair::{LeftOut, Mirror, Pair, Shares};
+use crate::progress::Progress;
+use crate::shape::Shape;
+
+pub use choice::completed;
+pub use correspondence::Correspondence;
+pub use published::energy;
+
+use choice::{clearest, hypotheses, whole_or_part};
+use published::{by_paper, embedded};
+
+/// Which algorithm.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Method {
+    /// Search, vote and refinement.
+    Auto,
+    /// The published algorithm from an automatic start.
+    Paper,
+    /// Multidimensional scaling of sampled points, for comparison.
+    Gmds,
+    /// A functional map from descriptors, for comparison.
+    FunctionalMap,
+}
+
+/// What the caller may ask for.
+#[derive(Debug, Clone)]
+pub struct Options {
+    /// Algorithm.
+    pub method: Method,
+    /// Whether mirrored maps are allowed.
+    pub mirror: Mirror,
+    /// Which shape is a part of the other; found out when `None`.
+    pub shares: Option<Shares>,
+    /// Pairs (source vertex, target vertex) in given numbering.
+    pub landmarks: Vec<(u32, u32)>,
+    /// Whether left, front and up are the same directions on both shapes.
+    pub same_axes: bool,
+    /// Parts of the automatic method that are not used, to see what they contribute.
+    pub left_out: LeftOut,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Self {
+            method: Method::Auto,
+            mirror: Mirror::Forbid,
+            shares: None,
+            landmarks: Vec::new(),
+            same_axes: false,
+            left_out: LeftOut::default(),
+        }
+    }
+}
+
+/// Finds the map.
+///
+/// # Errors
+/// [`Error::NoMap`], [`Error::Cancelled`], and those of the stages.
+pub fn match_shapes(
+    source: &Arc<Shape>,
+    target: &Arc<Shape>,
+    options: &Options,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Correspondence> {
+    if source.metric != target.metric {
+        return Err(Error::BadArgument {
+            what: format!(
+                "the source has the {} metric and the target the {} one: prepare both with the same",
+                source.metric.name(),
+                target.metric.name()
+            ),
+        });
+    }
+    match options.method {
+        Method::Paper => {
+            let embedding = by_paper(source, target, progress, report)?;
+            embedded(source, target, &embedding, progress, report)
+        }
+        Method::Gmds => {
+            report("GMDS", 0.0)?;
+            let embedding = gmds::embedded(target, source, progress)?;
+            embedded(source, target, &embedding, progress, report)
+        }
+        Method::FunctionalMap => {
+            report("functional map", 0.0)?;
+            let embedding = functional_map::embedded(target, source, progress)?;
+            embedded(source, target, &embedding, progress, report)
+        }
+        Method::Auto => {
+            let landmarks = checked_landmarks(source, target, &options.landmarks)?;
+            report("landmarks", 0.0)?;
+            let hints = Arc::new(Hints::new(
+                target,
+                source,
+                landmarks,
+                options.same_axes,
+                progress,
+            )?);
+            let pair = Pair {
+                target,
+                source,
+                shares: options.shares.unwrap_or(Shares::BOTH),
+                mirror: options.mirror,
+                hints: &hints,
+                left_out: options.left_out,
+            };
+            let hypotheses = if options.shares.is_some() {
+                let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
+                hypotheses(&pair, Width::default(), progress, &stage)?
+            } else {
+                whole_or_part(&pair, progress, report)?
+            };
+            let mut found = clearest(&pair, hypotheses, progress, &|s, f| {
+                report(s, 0.6 + 0.4 * f)
+            })?;
+            found.hints = Arc::clone(&hints);
+            Ok(found)
+        }
+    }
+}
+
+/// Landmarks as vertices of the meshes on which the map is sought.
+fn checked_landmarks(
+    source: &Shape,
+    target: &Shape,
+    given: &[(u32, u32)],
+) -> Result<Vec<(u32, u32)>> {
+    let find = |shape: &Shape, which: &str, vertex: u32| {
+        let full = shape.full.as_ref();
+        shape
+            .given_mesh()
+            .input_vertex
+            .binary_search(&vertex)
+            .map(|i| full.map_or(i as u32, |f| f.working_vertex(i as u32, &shape.mesh)))
+            .map_err(|_| Error::BadArgument {
+                what: format!(
+                    "landmark vertex {vertex} of the {which} is not on its largest part: \
+                     choose a vertex of the main surface"
+                ),
+            })
+    };
+    given
+        .iter()
+        .map(|&(s, t)| Ok((find(source, "source", s)?, find(target, "target", t)?)))
+        .collect()
+}

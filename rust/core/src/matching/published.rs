@@ -1,0 +1,143 @@
+//! The published method and those it is compared with: dense maps read off one embedding.
+
+use faer::{Mat, MatRef};
+
+use super::Correspondence;
+use super::correspondence::dense_map;
+use crate::baselines::{Convergence, Embedding};
+use crate::confidence::local_distortion;
+use crate::dense::{self, Rows};
+use crate::distance_operator;
+use crate::error::Result;
+use crate::map_search;
+use crate::nearest::nearest_unless;
+use crate::progress::Progress;
+use crate::shape::Shape;
+use crate::spectral_gmds::{self, Objective, Weights};
+
+/// Eigenfunctions of the paper's map.
+const PAPER_SIZE: usize = 30;
+
+/// S-GMDS from an automatic start.
+pub(super) fn by_paper(
+    source: &Shape,
+    target: &Shape,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Embedding> {
+    report("distance operator", 0.0)?;
+    let (target_operator, source_operator) = paper_operators(source, target)?;
+    report("S-GMDS", 0.2)?;
+    let k = target_operator.nrows();
+    let objective = paper_objective(
+        source,
+        target,
+        target_operator.as_ref(),
+        source_operator.as_ref(),
+    );
+    let seed = map_search::best_signs(target_operator.as_ref(), source_operator.as_ref());
+    let start = spectral_gmds::continued_signs(
+        seed.as_ref(),
+        target_operator.as_ref(),
+        source_operator.as_ref(),
+    );
+    let minimum = objective.minimised(start.as_ref(), progress)?;
+    let turned = dense::product(source.functions(k), minimum.matrix.as_ref());
+    Ok(Embedding {
+        target: Rows::from_matrix(target.basis.functions.as_ref(), k),
+        source: Rows::from_matrix(turned.as_ref(), k),
+        convergence: Convergence {
+            energy: minimum.energy,
+            gradient_norm: Some(minimum.gradient_norm),
+            steps: minimum.steps,
+            converged: minimum.converged,
+        },
+    })
+}
+
+/// The dense map of an embedding in which matched points lie together.
+pub(super) fn embedded(
+    source: &Shape,
+    target: &Shape,
+    embedding: &Embedding,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Correspondence> {
+    report("dense map", 0.5)?;
+    let images =
+        |asking: &Rows, answering: &Rows| nearest_unless(asking, answering, &|| progress.check());
+    let on_source = images(&embedding.target, &embedding.source)?;
+    let on_target = images(&embedding.source, &embedding.target)?;
+    // No surface is deformed, so that there is no gap.
+    let misfit: Vec<(f64, f64)> = local_distortion(target, source, &on_source, progress)?
+        .into_iter()
+        .map(|distortion| (distortion, 0.0))
+        .collect();
+    let mut found = dense_map(
+        source,
+        target,
+        (&embedding.target, &on_source),
+        (&embedding.source, &on_target),
+        &misfit,
+        &[],
+        progress,
+    )?;
+    found.convergence = Some(embedding.convergence);
+    Ok(found)
+}
+
+/// α₁, α₂ of the paper's method, both `(k, k)`.
+fn paper_operators(source: &Shape, target: &Shape) -> Result<(Mat<f64>, Mat<f64>)> {
+    let size = |s: &Shape| PAPER_SIZE.min(s.distance_operator.nrows());
+    let k = size(source).min(size(target));
+    let operator = |s: &Shape| {
+        let m = s.marched();
+        let distances = Mat::from_fn(m.len(), m.len(), |i, j| {
+            let d = |a: usize, b: usize| f64::from(s.fields[(m[a] as usize, b)]);
+            f64::midpoint(d(i, j), d(j, i))
+        });
+        distance_operator::from_samples(
+            dense::gather_rows(s.basis.functions.as_ref(), m, k).as_ref(),
+            &s.basis.values[..k],
+            distances.as_ref(),
+            distance_operator::DATA_PENALTY,
+        )
+    };
+    Ok((operator(target)?, operator(source)?))
+}
+
+fn paper_objective<'a>(
+    source: &'a Shape,
+    target: &'a Shape,
+    target_operator: MatRef<'a, f64>,
+    source_operator: MatRef<'a, f64>,
+) -> Objective<'a> {
+    let k = target_operator.nrows();
+    Objective {
+        target_operator,
+        source_operator,
+        target_values: &target.basis.values[..k],
+        source_values: &source.basis.values[..k],
+        weights: Weights::default(),
+    }
+}
+
+/// S-GMDS energy of any map, so that maps of both methods and of many pairs can be compared: how
+/// much it changes distances, spectrum and areas, 0 for an isometry. The paper's C is the transpose
+/// of the functional map α, at unit area.
+///
+/// # Errors
+/// [`Error::NotFactorised`] as in the paper's method.
+pub fn energy(source: &Shape, target: &Shape, functional_map: MatRef<'_, f64>) -> Result<f64> {
+    let (target_operator, source_operator) = paper_operators(source, target)?;
+    let objective = paper_objective(
+        source,
+        target,
+        target_operator.as_ref(),
+        source_operator.as_ref(),
+    );
+    let to_unit_area = source.unit / target.unit;
+    let k = target_operator.nrows();
+    let c = Mat::from_fn(k, k, |i, j| to_unit_area * functional_map[(j, i)]);
+    Ok(objective.value(c.as_ref()).0)
+}
