@@ -3,6 +3,8 @@
 
 from dataclasses import dataclass
 
+import bpy
+
 from . import stored_match
 from .mesh_read import UnusableObjectError
 
@@ -56,6 +58,16 @@ def vertex_pairs(settings, source, target):
             )
         pairs.append((pair.source_vertex, pair.target_vertex))
     return pairs
+
+
+def follow(mesh, old, new):
+    """Landmarks on this mesh, whose topology changed from `old` to `new` without renumbering, still hold."""
+    for scene in bpy.data.scenes:
+        for landmark in scene.spectral_match.landmarks:
+            for end in ("source", "target"):
+                obj = getattr(landmark, end)
+                if obj is not None and obj.data == mesh and getattr(landmark, f"{end}_topology") == old:
+                    setattr(landmark, f"{end}_topology", new)
 
 
 def add(settings, source, source_vertex, target, target_vertex):

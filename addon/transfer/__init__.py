@@ -10,6 +10,7 @@ from . import (
     companions,
     edge_marks,
     materials,
+    seam_splits,
     shape_keys,
     textures,
     uv_maps,
@@ -80,12 +81,14 @@ def carry_all(target, options, chosen):
     target as it was.
     """
     route = Route(target)
-    prepared = []
-    for kind in KINDS:
-        names = [name for name in kind.names(route.source) if chosen(kind, name)]
-        if names:
-            prepared.append(kind.prepare(route, names, options))
+    wanted = {
+        kind.identifier: [name for name in kind.names(route.source) if chosen(kind, name)] for kind in KINDS
+    }
+    with seam_splits.split(route, wanted[uv_maps.KIND.identifier], options) as (route, notes):
+        prepared = [
+            kind.prepare(route, wanted[kind.identifier], options) for kind in KINDS if wanted[kind.identifier]
+        ]
     for part in prepared:
         part.write()
     target.data.update()
-    return [note for part in prepared for note in part.notes]
+    return notes + [note for part in prepared for note in part.notes]

@@ -112,6 +112,12 @@ KIND = Kind(
             name="Mark Seams",
             default=True,
             description="Mark the target's edges as seams where the carried UV map is cut",
-        )
+        ),
+        "split_seams": BoolProperty(
+            name="Split Faces at Seams",
+            default=False,
+            description="Cut the target's faces where a seam of the source runs through them. Changes the "
+            "target's topology: it gets more vertices and faces",
+        ),
     },
 )

@@ -235,3 +235,42 @@ def test_what_does_not_fit_is_refused_in_words(character):
         way.displacements(np.zeros((3, 3)))
     with pytest.raises(sgmds.ArgumentError, match="8192"):
         way.bake(character.uv, character.uv, np.zeros((4, 4, 4)), 9000, 4)
+
+
+def grid(count, turn=0.0):
+    """A square of `count` × `count` cells around the origin, of triangles, turned in its plane."""
+    line = np.linspace(-1.0, 1.0, count + 1)
+    x, y = (values.ravel() for values in np.meshgrid(line, line, indexing="ij"))
+    flat = np.stack([x * np.cos(turn) - y * np.sin(turn), x * np.sin(turn) + y * np.cos(turn)], axis=1)
+    number = np.arange((count + 1) ** 2).reshape(count + 1, count + 1)
+    a, b, c, d = (
+        part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:])
+    )
+    return np.pad(flat, ((0, 0), (0, 1))), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def test_seams_cut_the_faces_that_they_cross():
+    """Four islands around a cross of seams: on a turned grid every triangle over an arm is cut along it."""
+    source, target = grid(8), grid(5, turn=0.4)
+    target = target[0] * 0.6, target[1]
+    corners = source[0][source[1]]
+    side = np.sign(corners.mean(axis=1)[:, :2])
+    uv = corners[..., :2] + 10.0 * side[:, None]
+    way = sgmds.SurfaceMap(source, target, *nearest(source, target))
+    cuts = way.seam_cuts(*polygons(target[1]), uv)
+    images = (corners[cuts.faces] * cuts.barycentric[..., None]).sum(axis=1)
+    assert np.abs(images[:, :2]).min(axis=1).max() < 1e-12
+    middle = (cuts.edges < 0).all(axis=1)
+    assert middle.sum() == 1 and np.abs(images[middle]).max() < 1e-12
+    # The map is the identity, so points of edges lie on their images; a way starts 1e-7 off a vertex.
+    # Vertices just beside a seam were moved onto it in the map alone.
+    plain = ~middle & ~np.isin(cuts.edges, cuts.moved).any(axis=1)
+    assert plain.sum() > 20
+    np.testing.assert_allclose(cuts.positions[plain], images[plain], atol=1e-7)
+    # A triangle is crossed where two of its vertices lie on two sides of an arm, wherever the third one is.
+    place = target[0].copy()
+    place[cuts.moved] = np.nan
+    spread = place[target[1]][..., :2]
+    crossed = (spread.min(axis=1) < 0.0) & (spread.max(axis=1) > 0.0)
+    assert crossed.sum() > 20
+    assert set(np.flatnonzero(crossed.any(axis=1))) <= set(cuts.cuts[:, 0].tolist())

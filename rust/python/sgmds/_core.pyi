@@ -132,6 +132,9 @@ class SurfaceMap:
     def layout(
         self, starts: _Ids, corner_vertices: _Ids, uv: _Floats
     ) -> tuple[_Floats, _Ids, NDArray[np.bool_]]: ...
+    def seam_cuts(
+        self, starts: _Ids, corner_vertices: _Ids, values: _Floats, tolerance: float
+    ) -> dict[str, NDArray[Any]]: ...
     def corner_values(
         self, starts: _Ids, corner_vertices: _Ids, values: _Floats, tolerance: float, nearest: bool
     ) -> _Floats: ...

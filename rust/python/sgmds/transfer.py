@@ -34,6 +34,28 @@ class Layout:
 
 
 @dataclass(frozen=True)
+class SeamCuts:
+    """Cuts that separate the target's faces along the images of the source's seams.
+
+    New points: `edges` (points, 2), the vertices of the edge that each divides, −1 where it lies within a
+    face; `shares` (points,) of the way from the first to the second; `positions` (points, 3); and their
+    images on the source, `faces` (points,) and `barycentric` (points, 3). `cuts` (cuts, 3): a face and the
+    two ends, vertices of the target or, from n_target up, new points. `moved` (vertices,) lay just beside a
+    seam: their images on it are `moved_faces` and `moved_barycentric`.
+    """
+
+    edges: Ids
+    shares: Floats
+    positions: Floats
+    faces: Ids
+    barycentric: Floats
+    cuts: Ids
+    moved: Ids
+    moved_faces: Ids
+    moved_barycentric: Floats
+
+
+@dataclass(frozen=True)
 class SkinWeights:
     """Weights in compressed rows: those of vertex v are entries `starts[v]` to `starts[v + 1]`.
 
@@ -154,6 +176,17 @@ class SurfaceMap:
         """
         uv = _array("uv", uv, np.float64, self._source_triangles, 3, 2)
         return Layout(*self._core.layout(*_faces(face_starts, corner_vertices), uv))
+
+    def seam_cuts(
+        self, face_starts: ArrayLike, corner_vertices: ArrayLike, uv: ArrayLike, tolerance: float = 1e-5
+    ) -> SeamCuts:
+        """Where seams of UVs at the corners of the source's triangles (m, 3, channels) cross the target.
+
+        Several UV maps side by side give the seams of all. After these cuts no face straddles, except where a
+        seam ends within it.
+        """
+        uv = _array("uv", uv, np.float64, self._source_triangles, 3, None)
+        return SeamCuts(**self._core.seam_cuts(*_faces(face_starts, corner_vertices), uv, tolerance))
 
     def corner_values(
         self,

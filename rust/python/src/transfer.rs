@@ -12,6 +12,7 @@ use sgmds_core::Error;
 use sgmds_core::transfer::corners::{self, CornerValues, Polygons};
 use sgmds_core::transfer::diffusion::Diffusion;
 use sgmds_core::transfer::joints::fitted_joints;
+use sgmds_core::transfer::seam_cuts::seam_cuts;
 use sgmds_core::transfer::skin_weights::{SkinOptions, SkinWeights, carried_skin};
 use sgmds_core::transfer::texture::{self, Bake, Content, Image, TangentSpace};
 use sgmds_core::transfer::{self, Surface, curves, displacement, labels, layout};
@@ -174,6 +175,65 @@ impl SurfaceMap {
             whole(found.island).into_pyarray(py),
             found.straddles.into_pyarray(py),
         ))
+    }
+
+    /// Cuts of the target's faces along borders of values at the corners of the source's triangles (m, 3, c).
+    fn seam_cuts<'py>(
+        &self,
+        py: Python<'py>,
+        starts: Vec<i64>,
+        corner_vertices: Vec<i64>,
+        values: PyReadonlyArray3<'py, f64>,
+        tolerance: f64,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let map = Arc::clone(&self.map);
+        let channels = values.as_array().shape()[2];
+        let values = values.as_slice()?.to_vec();
+        let found = watched(py, None, None, move |_| {
+            let faces = Polygons::new(&starts, &corner_vertices, &map.target)?;
+            let values = CornerValues {
+                values: &values,
+                channels,
+                tolerance,
+            };
+            seam_cuts(&map, &faces, &values)
+        })?;
+        let points = found.points.iter();
+        let edges = points
+            .clone()
+            .map(|p| p.edge.map_or([-1; 2], |e| e.map(i64::from)));
+        let cuts = found
+            .cuts
+            .iter()
+            .map(|c| [c.face, c.ends[0], c.ends[1]].map(i64::from));
+        let shares: Vec<f64> = points.clone().map(|p| p.share).collect();
+        let moved = found.moved.iter();
+        let dict = PyDict::new(py);
+        dict.set_item("edges", table(py, edges.collect())?)?;
+        dict.set_item("shares", shares.into_pyarray(py))?;
+        dict.set_item(
+            "positions",
+            table(py, points.clone().map(|p| p.position).collect())?,
+        )?;
+        dict.set_item(
+            "faces",
+            whole(points.clone().map(|p| p.image.face)).into_pyarray(py),
+        )?;
+        dict.set_item(
+            "barycentric",
+            table(py, points.map(|p| p.image.weights).collect())?,
+        )?;
+        dict.set_item("cuts", table(py, cuts.collect())?)?;
+        dict.set_item("moved", whole(moved.clone().map(|m| m.0)).into_pyarray(py))?;
+        dict.set_item(
+            "moved_faces",
+            whole(moved.clone().map(|m| m.1.face)).into_pyarray(py),
+        )?;
+        dict.set_item(
+            "moved_barycentric",
+            table(py, moved.map(|m| m.1.weights).collect())?,
+        )?;
+        Ok(dict)
     }
 
     /// Values at the corners of the source's triangles (m, 3, c) as values at the target's corners.

@@ -13,7 +13,7 @@ use crate::transfer::surface_map::{SurfaceMap, check_rows};
 use crate::vector::{self, Point};
 
 /// Weights below this are zero: the point lies on an edge or at a vertex.
-const ON_EDGE: f64 = 1e-6;
+pub const ON_EDGE: f64 = 1e-6;
 
 /// The surroundings of a face reach this much beyond the furthest of its corners' images, so that
 /// a face whose centre lies across a border from most of it still finds its way.
@@ -232,7 +232,9 @@ pub fn corner_values(places: &[CornerPlace], values: &CornerValues<'_>) -> Vec<f
         .collect()
 }
 
-fn triangles_around(surface: &Surface) -> Adjacency {
+/// Triangles around each vertex.
+#[must_use]
+pub fn triangles_around(surface: &Surface) -> Adjacency {
     Adjacency::from_lists(
         surface.vertices.len(),
         surface

@@ -12,11 +12,13 @@ pub mod joints;
 pub mod labels;
 pub mod layout;
 pub mod parts;
+pub mod seam_cuts;
 pub mod similarity;
 pub mod skin_weights;
 pub mod surface;
 pub mod surface_map;
 pub mod texture;
+pub mod trace;
 pub mod unions;
 pub mod values;
 

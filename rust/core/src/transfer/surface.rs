@@ -166,16 +166,7 @@ impl Surface {
     /// Squared distance to one triangle, and the weights of its nearest point.
     #[must_use]
     pub fn to_triangle(&self, query: Point, triangle: u32) -> (f64, [f64; 3]) {
-        let [a, b, c] = self.corners(triangle);
-        let (u, v, d) = (vector::sub(b, a), vector::sub(c, a), vector::sub(query, a));
-        closest_weights(
-            vector::dot(u, u),
-            vector::dot(u, v),
-            vector::dot(v, v),
-            vector::dot(u, d),
-            vector::dot(v, d),
-            vector::dot(d, d),
-        )
+        nearest_in_triangle(query, self.corners(triangle))
     }
 
     /// Nearest point of the surface.
@@ -249,6 +240,20 @@ pub fn blend(corners: [Point; 3], weights: [f64; 3]) -> Point {
     (0..3).fold([0.0; 3], |sum, k| {
         vector::add(sum, vector::scaled(corners[k], weights[k]))
     })
+}
+
+/// Squared distance to a triangle, and the weights of its nearest point.
+#[must_use]
+pub fn nearest_in_triangle(query: Point, [a, b, c]: [Point; 3]) -> (f64, [f64; 3]) {
+    let (u, v, d) = (vector::sub(b, a), vector::sub(c, a), vector::sub(query, a));
+    closest_weights(
+        vector::dot(u, u),
+        vector::dot(u, v),
+        vector::dot(v, v),
+        vector::dot(u, d),
+        vector::dot(v, d),
+        vector::dot(d, d),
+    )
 }
 
 fn build(bounds: &[Bounds], part: &mut [u32], boxes: &mut Vec<Node>) {
