@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Image textures of the source's materials, baked into the target's own UV layout."""
 
+import tempfile
+from pathlib import Path
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
@@ -28,13 +31,14 @@ def names(source):
 
 def prepare(route, wanted, options):
     target_uv = _own_layout(route, options)
+    cells = _cells(route, target_uv)
     baked = {}
     for _, node in _nodes(route.source):
         if node.image.name in wanted and node.image.name not in baked:
-            baked[node.image.name] = _bake(route, node, target_uv, options)
+            baked[node.image.name] = _bake(route, node, target_uv, cells, options)
 
     def write():
-        images = {name: _store(route, name, pixels) for name, pixels in baked.items()}
+        images = {name: _store(route, name, tiles) for name, tiles in baked.items()}
         if options.bake_material:
             _replace_materials(route, images, target_uv)
 
@@ -50,52 +54,77 @@ def _own_layout(route, options):
     return name
 
 
-def _bake(route, node, target_uv, options):
+def _target_uv(route, name):
+    """UVs of the target's triangles, (m, 3, 2)."""
+    corners, _ = mesh_read.triangle_corners(route.target.data)
+    return read_uv(route.target.data, name)[corners]
+
+
+def _cells(route, name):
+    """Units of UV that the target's layout reaches into, (column, row) each: one image tile for each."""
+    uv = _target_uv(route, name)
+    low = np.floor(uv.min(axis=1) + BEYOND).astype(int)
+    high = np.maximum(np.ceil(uv.max(axis=1) - BEYOND).astype(int) - 1, low)
+    if low.min() < 0 or (high.max(axis=0) >= (TILES_IN_A_ROW, TILE_ROWS)).any():
+        raise UnusableObjectError(
+            f"UV map '{name}' of '{route.target.name}' reaches out of the tiles that an image can have, from "
+            f"0 to {TILES_IN_A_ROW} across and 0 to {TILE_ROWS} up. Move its islands there"
+        )
+    spans = np.unique(np.hstack([low, high]), axis=0).tolist()
+    return sorted(
+        {
+            (column, row)
+            for left, bottom, right, top in spans
+            for column in range(left, right + 1)
+            for row in range(bottom, top + 1)
+        }
+    )
+
+
+def _bake(route, node, target_uv, cells, options):
+    """Pixels of each tile of the baked image, by the tile's number."""
     image = node.image
     tiled = image.source == "TILED"
     pixels, place = read_tiles(image) if tiled else (read_pixels(image), WHOLE)
-    # As large as one tile, since the baked image is a single one.
+    # Each tile as large as one of the source.
     height, width = (np.array(pixels.shape[:2]) / place[1][::-1]).astype(int).tolist()
     if options.bake_size != "SOURCE":
         width = height = int(options.bake_size)
     source_uv = _uv_of(route.source, node)
-    target_corners, _ = mesh_read.triangle_corners(route.target.data)
+    layout = _target_uv(route, target_uv)
     frames = None
     if _is_normal_map(node):
+        target_corners, _ = mesh_read.triangle_corners(route.target.data)
         frames = (
             *_tangent_frames(route.source, source_uv, route.triangle_corners),
             *_tangent_frames(route.target, target_uv, target_corners),
         )
-    progress = _progress()
-    try:
-        return route.map.bake(
-            (read_uv(route.source.data, source_uv)[route.triangle_corners] - place[0]) / place[1],
-            read_uv(route.target.data, target_uv)[target_corners],
-            pixels,
-            width,
-            height,
-            margin=options.bake_margin,
-            straight_alpha=image.alpha_mode == "STRAIGHT",
-            tangent_frames=frames,
-            progress=progress,
-        )
-    finally:
-        bpy.context.window_manager.progress_end()
-
-
-def _progress():
     manager = bpy.context.window_manager
-    manager.progress_begin(0.0, 1.0)
-
-    def report(_stage, fraction):
-        manager.progress_update(fraction)
-
-    return report
+    manager.progress_begin(0.0, len(cells))
+    try:
+        return {
+            FIRST_TILE + column + TILES_IN_A_ROW * row: route.map.bake(
+                (read_uv(route.source.data, source_uv)[route.triangle_corners] - place[0]) / place[1],
+                layout - (column, row),
+                pixels,
+                width,
+                height,
+                margin=options.bake_margin,
+                straight_alpha=image.alpha_mode == "STRAIGHT",
+                tangent_frames=frames,
+                progress=lambda _stage, fraction, done=done: manager.progress_update(done + fraction),
+            )
+            for done, (column, row) in enumerate(cells)
+        }
+    finally:
+        manager.progress_end()
 
 
 # Where a picture begins in UV, and over how many units it goes.
 WHOLE = np.zeros(2), np.ones(2)
-FIRST_TILE, TILES_IN_A_ROW = 1001, 10
+FIRST_TILE, TILES_IN_A_ROW, TILE_ROWS = 1001, 10, 100
+# A layout that reaches into the next unit of UV by less than this does not need its tile.
+BEYOND = 1e-4
 
 
 def read_tiles(image):
@@ -192,21 +221,54 @@ def _tangent_frames(obj, uv, triangle_corners):
     return normal.reshape(-1, 3)[triangle_corners], tangents[triangle_corners]
 
 
-def _store(route, name, pixels):
-    """A new image beside the source's, or new pixels for the one baked before."""
+def _store(route, name, tiles):
+    """A new image beside the source's, in place of the one baked before."""
     image = bpy.data.images[name]
     title = f"{name} {route.target.name}"
+    if set(tiles) == {FIRST_TILE}:
+        made = _new_image(title, tiles[FIRST_TILE], image.is_float, image.colorspace_settings.name)
+        made.alpha_mode = image.alpha_mode
+        made.pack()
+    else:
+        made = _new_tiled_image(title, tiles, image)
+    earlier = bpy.data.images.get(title)
+    if earlier not in (None, made):
+        earlier.user_remap(made)
+        bpy.data.images.remove(earlier)
+        made.name = title
+    return made
+
+
+def _new_image(title, pixels, is_float, space):
     height, width = pixels.shape[:2]
-    made = bpy.data.images.get(title)
-    if made is None or made.is_float != image.is_float:
-        made = bpy.data.images.new(title, width, height, alpha=True, float_buffer=image.is_float)
-    elif tuple(made.size) != (width, height):
-        made.scale(width, height)
-    made.colorspace_settings.name = image.colorspace_settings.name
-    made.alpha_mode = image.alpha_mode
+    made = bpy.data.images.new(title, width, height, alpha=True, float_buffer=is_float)
+    made.colorspace_settings.name = space
     made.pixels.foreach_set(np.ascontiguousarray(pixels).ravel())
     made.update()
-    made.pack()
+    return made
+
+
+def _new_tiled_image(title, tiles, image):
+    # Scripts reach the pixels of the first tile alone: tiles go through files, which pack() takes in.
+    kind, suffix = ("OPEN_EXR", "exr") if image.is_float else ("PNG", "png")
+    stem = bpy.path.clean_name(title)
+    with tempfile.TemporaryDirectory() as folder:
+        for number, pixels in tiles.items():
+            # Without a colour space, numbers go into the file as they are.
+            tile = _new_image(title, pixels, image.is_float, "Non-Color")
+            try:
+                tile.filepath_raw, tile.file_format = str(Path(folder) / f"{stem}.{number}.{suffix}"), kind
+                tile.save()
+            finally:
+                bpy.data.images.remove(tile)
+        made = bpy.data.images.new(title, 1, 1, alpha=True, float_buffer=image.is_float, tiled=True)
+        made.filepath = str(Path(folder) / f"{stem}.<UDIM>.{suffix}")
+        made.colorspace_settings.name = image.colorspace_settings.name
+        made.alpha_mode = image.alpha_mode
+        made.pack()
+    made.filepath_raw = f"//{stem}.<UDIM>.{suffix}"
+    for packed in made.packed_files:
+        packed.filepath = f"//{stem}.{packed.tile_number}.{suffix}"
     return made
 
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shape keys, marks, materials, attributes, textures and rigs across a known map."""
 
+from pathlib import Path
+
 import bpy
 import numpy as np
 import pytest
@@ -306,6 +308,66 @@ def test_tiles_are_baked_as_one_picture(copies, scene, tmp_path):
     baked, _ = rebaked(copies, scene, expected, exchange=tiled)
     inside = covered(copies, 384)
     assert psnr(baked[inside][:, :3], expected[inside][:, :3]) > 35.0
+
+
+@pytest.mark.parametrize("is_float", [False, True])
+def test_a_layout_over_two_tiles_is_baked_into_two(copies, scene, tmp_path, is_float):
+    """Upper islands one unit further up than lower ones: each tile has its half of the picture and no more.
+
+    What was baked is in the file: it is there after saving and opening, without the tiles' own files.
+    """
+    source, target, old, _ = copies
+    uv_cube(source)
+    pixels = photo(192)
+    image = give_texture(source, pixels)
+    if is_float:
+        image = bpy.data.images.new("Light", 192, 192, alpha=True, float_buffer=True)
+        image.pixels.foreach_set(pixels.ravel())
+        source.data.materials[0].node_tree.nodes["Image Texture"].image = image
+    place = {frozenset(face.vertices): face for face in source.data.polygons}
+    before = read_uv(source.data, "UVMap")
+    layer = target.data.uv_layers.new(name="Own")
+    for face in target.data.polygons:
+        twin = place[frozenset(old[list(face.vertices)].tolist())]
+        upper = before[list(twin.loop_indices), 1].mean() > 0.5
+        at = dict(zip(twin.vertices, twin.loop_indices, strict=True))
+        for corner, vertex in zip(face.loop_indices, face.vertices, strict=True):
+            layer.uv[corner].vector = before[at[old[vertex]]] + ((0.0, 1.0) if upper else (0.0, 0.0))
+    for _ in range(2):
+        transfer(source, target, kinds="textures", bake_margin=0)
+    name, space = f"{image.name} Target", image.colorspace_settings.name
+    assert len([made for made in bpy.data.images if made.name.startswith(name)]) == 1
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "baked.blend"))
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "baked.blend"))
+    made = bpy.data.images[name]
+    assert (made.source, [tile.number for tile in made.tiles]) == ("TILED", [1001, 1011])
+    assert made.colorspace_settings.name == space and made.is_float == is_float
+    assert (
+        bpy.data.objects["Target"].material_slots[0].material.node_tree.nodes["Image Texture"].image == made
+    )
+    inside = covered(copies, 192)
+    row = np.arange(192)[:, None] >= 96
+    for packed in made.packed_files:
+        path = tmp_path / Path(packed.filepath).name
+        path.write_bytes(packed.packed_file.data)
+        tile = bpy.data.images.load(str(path))
+        tile.colorspace_settings.name, tile.alpha_mode = space, made.alpha_mode
+        values = np.empty(192 * 192 * 4, np.float32)
+        tile.pixels.foreach_get(values)
+        values = values.reshape(192, 192, 4)
+        here = row == (packed.tile_number == 1011)
+        assert psnr(values[inside & here][:, :3], pixels[inside & here][:, :3]) > 35.0
+        assert not values[~here[:, 0]].any()
+
+
+def test_a_layout_beyond_all_tiles_is_refused_in_words(copies):
+    source, target, _, _ = copies
+    uv_cube(source)
+    give_texture(source, photo(32))
+    layer = target.data.uv_layers.new(name="Own")
+    layer.uv[0].vector = (-0.5, 0.0)
+    with pytest.raises(RuntimeError, match="UV map 'Own' of 'Target' reaches out of the tiles"):
+        transfer(source, target, kinds="textures")
 
 
 def test_a_missing_tile_is_refused_in_words(copies, tmp_path):
