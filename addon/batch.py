@@ -13,8 +13,8 @@ from pathlib import Path
 import bpy
 
 from . import core, mesh_write
-from .mesh_read import UnusableObjectError
-from .operators.match import reading, store, value_of
+from .mesh_read import UnusableObjectError, value_of
+from .operators.match import reading, store
 from .transfer import KINDS, carry_all
 
 DEFAULT_OUTPUT = "{file}.blend"

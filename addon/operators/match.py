@@ -8,7 +8,7 @@ from bpy.types import Operator
 from .. import core, landmarks, mesh_read, mesh_write, notice, pair, preferences, stored_match
 from .. import job as job_module
 from ..job import Job, MatchJob, MatchOptions
-from ..mesh_read import UnusableObjectError
+from ..mesh_read import UnusableObjectError, value_of
 from ..transfer import carry_all, checked
 from . import show
 from .step import Step, needs_pair, nothing
@@ -53,15 +53,6 @@ def reading(context, source, targets, *, swap_sides=False):
         surfaces.append((yield from mesh_read.reading(context, target, evaluated=evaluated, as_target=True)))
         yield
     return MatchJob(source_surface, surfaces, options, pairs)
-
-
-def value_of(generator):
-    """Go through a generator to its end at once and return its value."""
-    while True:
-        try:
-            next(generator)
-        except StopIteration as end:
-            return end.value
 
 
 def store(context, job):

@@ -7,8 +7,8 @@ import bpy
 import pytest
 
 from addon import mesh_read
-from addon.mesh_read import UnusableObjectError
-from addon.operators.match import reading, store, value_of
+from addon.mesh_read import UnusableObjectError, value_of
+from addon.operators.match import reading, store
 
 
 @pytest.fixture
