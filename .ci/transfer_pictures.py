@@ -12,9 +12,10 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "docs" / "gallery")]
 
 from sgmds import characters  # noqa: E402
+from stage import reduce  # noqa: E402
 
 import addon  # noqa: E402
 
@@ -342,8 +343,10 @@ def draw(name, output, samples):
     import _cycles
 
     scene.cycles.use_denoising = _cycles.with_openimagedenoise
-    scene.render.filepath = str(output / f"transfer_{name}.png")
+    path = output / f"transfer_{name}.png"
+    scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True)
+    reduce(path)
 
 
 def main():
@@ -353,8 +356,12 @@ def main():
     parser.add_argument("--samples", type=int, default=32)
     given = parser.parse_args()
     addon.register()
-    for name in [given.only] if given.only else SCENES:
-        draw(name, given.output, given.samples)
+    try:
+        for name in [given.only] if given.only else SCENES:
+            draw(name, given.output, given.samples)
+    finally:
+        # With its properties still declared, bpy crashes when the interpreter ends.
+        addon.unregister()
 
 
 if __name__ == "__main__":
