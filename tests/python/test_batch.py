@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -418,13 +419,51 @@ def test_numbering_is_one_to_one_property(everyone, more):
     assert batch.number(0, everyone + 2) is None
 
 
-def test_memory_is_a_few_bytes_a_pair(tmp_path):
-    batch = imagined(300)
-    batch.folder = tmp_path
-    tracemalloc.start()
-    with journal.Journal(batch) as kept:
-        assert sum(1 for _ in kept.open_pairs()) == len(batch) == 89_700
-        peak = tracemalloc.get_traced_memory()[1]
-    tracemalloc.stop()
-    # Eight bytes a pair for its place in the journal, and as much again while the array is made.
-    assert peak < 20 * len(batch) + 500_000
+def test_memory_does_not_grow_with_the_pairs(tmp_path):
+    def peak(shapes):
+        batch = imagined(shapes)
+        batch.folder = tmp_path
+        tracemalloc.start()
+        with journal.Journal(batch) as kept:
+            # As if every second pair were done.
+            for number in range(0, len(batch), 2):
+                kept._places[number] = 100 * number
+            assert sum(kept._places[number] is None for number in batch.order()) == len(batch) // 2
+            found = tracemalloc.get_traced_memory()[1]
+        tracemalloc.stop()
+        return found
+
+    # 9,900 pairs and nine times as many of three times the shapes.
+    few, many = peak(100), peak(300)
+    assert many < 3 * few
+
+
+def test_a_terminal_shows_pairs_done_and_time_left(meshes, cache, tmp_path):
+    """The bar itself, by a pseudo-terminal of 100 columns."""
+    pty = pytest.importorskip("pty")
+    import fcntl
+    import struct
+    import termios
+
+    path = everyone(meshes, tmp_path, maps=False)
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 100, 0, 0))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "sgmds.cli", "batch", str(path), "--jobs", "2", "--cache", str(cache)],
+        stderr=theirs,
+        stdout=subprocess.DEVNULL,
+    )
+    os.close(theirs)
+    shown = b""
+    try:
+        while part := os.read(ours, 4096):
+            shown += part
+    except OSError:
+        # How Linux tells that the other side was closed.
+        pass
+    os.close(ours)
+    assert process.wait() == 0
+    states = re.findall(r"(\d+) of 12 pairs [^\r]* (\d+) %  \d\d:\d\d gone, (\S+) left", shown.decode())
+    done = [int(count) for count, _, _ in states]
+    assert done == sorted(done) and done[-1] == 12 and states[-1][1:] == ("100", "00:00")
+    assert any(0 < int(count) < 12 and re.fullmatch(r"\d\d:\d\d", left) for count, _, left in states)

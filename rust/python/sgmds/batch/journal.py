@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from array import array
+import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -13,20 +13,20 @@ from .manifest import Batch, Pair
 from .work import Outcome
 
 NAME = "journal.jsonl"
-NOT_THERE = -1
 
 
 class Journal:
     """The journal of a batch in its output folder.
 
     A line counts only for the very files, options and core that it was made with: pairs whose files changed
-    are open again, and a manifest may grow. In memory a pair takes eight bytes, its line's place in the file.
+    are open again, and a manifest may grow. Memory does not grow with the pairs: the places of their lines
+    are in a temporary file.
     """
 
     def __init__(self, batch: Batch):
         self.path = batch.folder / NAME
         self._batch = batch
-        self._places = array("q", [NOT_THERE]) * len(batch)
+        self._places = _Places()
         self._common = repr((core_hash().hex(), sorted(batch.options.items())))
         self._index = {shape.name: i for i, shape in enumerate(batch.shapes)}
         self._file = open(self.path, "ab+")
@@ -37,6 +37,7 @@ class Journal:
 
     def __exit__(self, *_):
         self._file.close()
+        self._places.close()
 
     def _read(self):
         self._file.seek(0)
@@ -66,13 +67,14 @@ class Journal:
 
     def records(self) -> Iterator[tuple[int, dict | None]]:
         """Every pair's number and what is known of it, in the order of the numbers."""
-        for number in range(len(self._places)):
+        for number in range(len(self._batch)):
             yield number, self.record(number)
 
     def record(self, number: int) -> dict | None:
-        if self._places[number] == NOT_THERE:
+        place = self._places[number]
+        if place is None:
             return None
-        self._file.seek(self._places[number])
+        self._file.seek(place)
         return json.loads(self._file.readline())
 
     def open_pairs(self) -> Iterator[int]:
@@ -101,6 +103,24 @@ class Journal:
         shapes = self._batch.shapes
         told = (self._common, shapes[pair.source].digest, shapes[pair.target].digest, pair.landmarks)
         return hashlib.blake2b(repr(told).encode(), digest_size=12).hexdigest()
+
+
+class _Places:
+    """Where the line of each pair begins: eight bytes a pair in a nameless file, the place plus one."""
+
+    def __init__(self):
+        self._file = tempfile.TemporaryFile()
+        self.close = self._file.close
+
+    def __setitem__(self, number: int, place: int):
+        self._file.seek(8 * number)
+        self._file.write((place + 1).to_bytes(8, "little"))
+
+    def __getitem__(self, number: int) -> int | None:
+        self._file.seek(8 * number)
+        # A hole in the file reads as zeros, and nothing is behind its end.
+        place = int.from_bytes(self._file.read(8), "little")
+        return place - 1 if place else None
 
 
 def exists(folder: Path) -> bool:
