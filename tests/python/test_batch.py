@@ -329,6 +329,13 @@ def test_a_scheduler_loses_nothing_when_a_worker_is_killed(meshes, cache, tmp_pa
     same_report(folder, reference)
 
 
+def test_a_missing_package_is_named_with_its_extra(meshes, cache, tmp_path, capsys, monkeypatch):
+    path = everyone(meshes, tmp_path)
+    monkeypatch.setitem(sys.modules, "distributed", None)
+    assert main(["batch", str(path), "--scheduler", "tcp://127.0.0.1:1", "--cache", str(cache)]) == 1
+    assert 'distributed is missing: pip install "sgmds[batch]"' in capsys.readouterr().err
+
+
 def test_no_scheduler_is_one_line(meshes, cache, tmp_path, capsys, monkeypatch):
     from sgmds.batch import scheduler
 

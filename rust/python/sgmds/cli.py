@@ -25,7 +25,8 @@ def main(arguments: list[str] | None = None) -> int:
         return CANCELLED
     except ImportError as error:
         missing = f"{error.name} is missing" if error.name else str(error)
-        return _fail(f'{missing}: pip install "sgmds[tools]"')
+        extra = "batch" if error.name == "distributed" else "tools"
+        return _fail(f'{missing}: pip install "sgmds[{extra}]"')
     except (sgmds.SgmdsError, OSError) as error:
         return _fail(str(error))
 
