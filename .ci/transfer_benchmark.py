@@ -65,8 +65,8 @@ def sparse(table):
 
 
 def carried_weights(way, source):
-    """As the extension carries them: at most four a vertex, rows scaled back to their sum."""
-    found = way.skin_weights(*sparse(source.weights), source.weights.shape[1], prune=1e-3, limit=4)
+    """As the extension carries them by default: as many a vertex as come, rows scaled back to their sum."""
+    found = way.skin_weights(*sparse(source.weights), source.weights.shape[1], prune=1e-3)
     return found.dense(source.weights.shape[1])
 
 
