@@ -116,11 +116,6 @@ def edges(mesh):
     return values.reshape(-1, 2)
 
 
-def triangle_vertices(mesh):
-    """`loop_triangles` as vertex ids, (m, 3) int32."""
-    return corner_vertices(mesh)[triangle_corners(mesh)[0]]
-
-
 def triangle_corners(mesh):
     """`loop_triangles` as corner ids (m, 3), and the face of every triangle (m,), both int32."""
     corners, faces, unsure = value_of(_fans(positions(mesh), corner_vertices(mesh), face_starts(mesh)))

@@ -9,6 +9,9 @@ import numpy as np
 from . import palette
 from .mesh_read import UnusableObjectError
 
+# Names of our own attributes begin so: they are never carried.
+OURS = "match_"
+
 # Attribute type → (name of the value in foreach_set, numbers an element, number type).
 VALUE_LAYOUT = {
     "FLOAT": ("value", 1, np.float32),

@@ -4,12 +4,11 @@
 from bpy.props import IntProperty
 from bpy.types import Operator
 
-from .. import job as job_module
 from .. import mesh_write, pair, preferences, stored_match
 from ..job import AlternativeJob
 from ..mesh_read import UnusableObjectError
 from .match import JobOperator, MatchOperator, find_unchanged
-from .step import NOT_MATCHED, RUNNING, Step
+from .step import Step, needs_matched
 
 
 class SPECTRAL_MATCH_OT_swap_roles(Step, Operator):
@@ -69,11 +68,12 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
 
     @staticmethod
     def obstacle(context):
-        if job_module.current is not None:
-            return RUNNING
+        words = needs_matched(context)
+        if words:
+            return words
         matched = pair.matched(context)
-        if len(matched) != 1:
-            return "Choose one matched target" if matched else NOT_MATCHED
+        if len(matched) > 1:
+            return "Choose one matched target"
         maps = stored_match.maps_of(matched[0].data)
         if maps is None:
             return "Other maps are not kept with the file. Match again to find them"

@@ -39,6 +39,12 @@ def _region_under(context, event):
     return None
 
 
+def _redraw(context):
+    for area in context.window.screen.areas:
+        if area.type == "VIEW_3D":
+            area.tag_redraw()
+
+
 def hit(context, region, pixel, objects):
     """The vertex of one of the objects under a pixel of a region, or None."""
     view = region.data
@@ -192,9 +198,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         context.workspace.status_text_set(
             f"{hint(context)}   |   Enter or Esc: Done   |   Backspace: Take Back"
         )
-        for area in context.window.screen.areas:
-            if area.type == "VIEW_3D":
-                area.tag_redraw()
+        _redraw(context)
 
     def _end(self, context):
         overlay.picking = None
@@ -202,9 +206,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         if context.window is not None:
             context.window.cursor_modal_restore()
             context.workspace.status_text_set(None)
-            for area in context.window.screen.areas:
-                if area.type == "VIEW_3D":
-                    area.tag_redraw()
+            _redraw(context)
         if self._added:
             self.report({"INFO"}, f"{self._added} landmark{'s' if self._added > 1 else ''} added")
         return {"FINISHED"}

@@ -10,7 +10,6 @@ from .. import mesh_read, mesh_write, morph, overlay, pair, preferences, stored_
 from ..mesh_read import UnusableObjectError
 from .step import Step, needs_matched
 
-OURS = "match_"
 # Colour attribute that was active before ours, by mesh session id, and the viewports' colouring before ours.
 _earlier_active: dict[int, str] = {}
 _earlier_colouring: dict[int, tuple] = {}
@@ -30,7 +29,7 @@ def _activate(mesh, name):
     if name not in colours:
         return
     active = colours.active_color
-    if active is not None and not active.name.startswith(OURS):
+    if active is not None and not active.name.startswith(mesh_write.OURS):
         _earlier_active[mesh.session_uid] = active.name
     colours.active_color = colours[name]
 
@@ -69,7 +68,7 @@ def show_nothing(context, source, targets):
     for obj in (source, *targets):
         colours = obj.data.color_attributes
         earlier = _earlier_active.pop(obj.data.session_uid, "")
-        others = [layer.name for layer in colours if not layer.name.startswith(OURS)]
+        others = [layer.name for layer in colours if not layer.name.startswith(mesh_write.OURS)]
         if earlier in others or others:
             colours.active_color = colours[earlier if earlier in others else others[0]]
     _uncolour_viewports(context)

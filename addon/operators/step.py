@@ -6,7 +6,6 @@ from .. import job as job_module
 from ..mesh_read import UnusableObjectError
 
 RUNNING = "A match is running. Wait for it, or press Esc to stop it"
-NOT_MATCHED = "Nothing is matched yet. Press Match first"
 
 
 def nothing(_context):
@@ -21,7 +20,7 @@ def needs_pair(context):
 def needs_matched(context):
     if job_module.current is not None:
         return RUNNING
-    return "" if pair.matched(context) else NOT_MATCHED
+    return "" if pair.matched(context) else "Nothing is matched yet. Press Match first"
 
 
 class Step:

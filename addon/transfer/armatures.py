@@ -10,7 +10,7 @@ from mathutils import Matrix, Vector
 from .kind import Kind, Prepared
 from .vertex_groups import read_weights
 
-# On the armature data of a fitted rig: the name of the armature it was made from.
+# On the armature data of a fitted rig, and on the copy of a companion: the name of what it was made from.
 MADE_FROM = "spectral_match_made_from"
 # Ends of bones nearer than this share of the rig's size are one joint.
 SAME_JOINT = 1e-5

@@ -4,7 +4,7 @@
 import numpy as np
 
 from .. import mesh_read
-from ..mesh_write import VALUE_LAYOUT, read_attribute, write_attribute
+from ..mesh_write import OURS, VALUE_LAYOUT, read_attribute, write_attribute
 from .kind import Kind, Prepared
 
 # Attributes that are carried by another kind, or are the mesh itself.
@@ -12,7 +12,6 @@ BUILT_IN = frozenset(
     "position material_index sharp_face sharp_edge uv_seam crease_edge crease_vert bevel_weight_edge "
     "bevel_weight_vert freestyle_edge freestyle_face shade_smooth custom_normal id".split()
 )
-OURS = "match_"
 # A mixture of two of these is neither; they come from one place.
 DISCRETE = frozenset(("INT", "INT8", "BOOLEAN", "INT16_2D", "INT32_2D"))
 # Edge data that is zero on most edges is a set of curves.
@@ -32,7 +31,7 @@ def _is_plain(layer):
 
 
 def prepare(route, wanted, _options):
-    carried = [carry(route, route.source.data.attributes[name]) for name in wanted]
+    carried = [_carry(route, route.source.data.attributes[name]) for name in wanted]
 
     def write():
         for layer in carried:
@@ -41,7 +40,7 @@ def prepare(route, wanted, _options):
     return Prepared(write)
 
 
-def carry(route, layer):
+def _carry(route, layer):
     """An attribute for the target: name, type, domain, values."""
     values = read_attribute(layer)
     discrete = layer.data_type in DISCRETE

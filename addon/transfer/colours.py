@@ -3,10 +3,8 @@
 
 import numpy as np
 
-from ..mesh_write import read_attribute, write_attribute
+from ..mesh_write import OURS, read_attribute, write_attribute
 from .kind import Kind, Prepared
-
-OURS = "match_"
 
 
 def names(source):

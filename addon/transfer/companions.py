@@ -6,12 +6,11 @@ import numpy as np
 from mathutils import Matrix
 
 from .. import mesh_read
+from .armatures import MADE_FROM
 from .armatures import names as rigs_of
 from .kind import Kind, Prepared
 from .shape_keys import read_key
 
-# On a companion's copy: the name of the object it was made from.
-MADE_FROM = "spectral_match_made_from"
 # A connected piece smaller than this share of the source's size is rigid: an eye stays round.
 RIGID_SHARE = 0.1
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Marks of edges, carried as curves, and those of vertices and faces that belong to the same work."""
 
-from ..mesh_write import read_attribute, write_attribute
+from ..mesh_write import read_attribute
 from . import attributes
-from .kind import Kind, Prepared
+from .kind import Kind
 
 # What an artist calls it → the mesh attribute that Blender keeps it in.
 MARKS = {
@@ -24,14 +24,8 @@ def names(source):
     return [name for name, kept in MARKS.items() if kept in present and read_attribute(present[kept]).any()]
 
 
-def prepare(route, wanted, _options):
-    carried = [attributes.carry(route, route.source.data.attributes[MARKS[name]]) for name in wanted]
-
-    def write():
-        for layer in carried:
-            write_attribute(route.target.data, *layer)
-
-    return Prepared(write)
+def prepare(route, wanted, options):
+    return attributes.prepare(route, [MARKS[name] for name in wanted], options)
 
 
 KIND = Kind(

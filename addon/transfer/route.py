@@ -21,8 +21,8 @@ class Route:
         stored = stored_match.require(target)
         self.source, self.target = target.spectral_match_source, target
         self.swapped_sides = stored.swapped_sides
-        self.triangles = mesh_read.triangle_vertices(self.source.data)
         self.triangle_corners, self.triangle_faces = mesh_read.triangle_corners(self.source.data)
+        self.triangles = mesh_read.corner_vertices(self.source.data)[self.triangle_corners]
         self.faces = mesh_read.face_starts(target.data), mesh_read.corner_vertices(target.data)
 
     @cached_property
@@ -36,8 +36,14 @@ class Route:
         return mesh_read.positions(self.target.data).astype(np.float64)
 
     @cached_property
+    def target_corners(self):
+        """Corners of the target's triangles, (m, 3)."""
+        return mesh_read.triangle_corners(self.target.data)[0]
+
+    @cached_property
     def target_triangles(self):
-        return mesh_read.triangle_vertices(self.target.data)
+        """Vertices of the target's triangles, (m, 3)."""
+        return mesh_read.corner_vertices(self.target.data)[self.target_corners]
 
     @cached_property
     def map(self):

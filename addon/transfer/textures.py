@@ -8,7 +8,6 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
-from .. import mesh_read
 from ..mesh_read import UnusableObjectError
 from .kind import Kind, Prepared
 from .uv_maps import read_uv
@@ -56,8 +55,7 @@ def _own_layout(route, options):
 
 def _target_uv(route, name):
     """UVs of the target's triangles, (m, 3, 2)."""
-    corners, _ = mesh_read.triangle_corners(route.target.data)
-    return read_uv(route.target.data, name)[corners]
+    return read_uv(route.target.data, name)[route.target_corners]
 
 
 def _cells(route, name):
@@ -91,21 +89,21 @@ def _bake(route, node, target_uv, cells, options):
     if options.bake_size != "SOURCE":
         width = height = int(options.bake_size)
     source_uv = _uv_of(route.source, node)
-    layout = _target_uv(route, target_uv)
+    given = (read_uv(route.source.data, source_uv)[route.triangle_corners] - place[0]) / place[1]
+    wanted = _target_uv(route, target_uv)
     frames = None
     if _is_normal_map(node):
-        target_corners, _ = mesh_read.triangle_corners(route.target.data)
         frames = (
             *_tangent_frames(route.source, source_uv, route.triangle_corners),
-            *_tangent_frames(route.target, target_uv, target_corners),
+            *_tangent_frames(route.target, target_uv, route.target_corners),
         )
     manager = bpy.context.window_manager
     manager.progress_begin(0.0, len(cells))
     try:
         return {
             FIRST_TILE + column + TILES_IN_A_ROW * row: route.map.bake(
-                (read_uv(route.source.data, source_uv)[route.triangle_corners] - place[0]) / place[1],
-                layout - (column, row),
+                given,
+                wanted - (column, row),
                 pixels,
                 width,
                 height,

@@ -6,7 +6,7 @@ chart.
 import numpy as np
 from bpy.props import BoolProperty
 
-from .. import core, mesh_read
+from .. import core
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import write_attribute
 from .kind import Kind, Prepared
@@ -54,8 +54,7 @@ def _faults(route, name, source_uv, target_uv):
     """Words about what became worse on the way."""
     judge = core.load().judge_layout
     before = judge(route.source_points[route.triangles], source_uv)
-    corners, _ = mesh_read.triangle_corners(route.target.data)
-    after = judge(route.target_points[route.target_triangles], target_uv[corners])
+    after = judge(route.target_points[route.target_triangles], target_uv[route.target_corners])
     words = []
     if after["stretch"] > STRETCH_ROOM * before["stretch"]:
         words.append(f"is stretched {after['stretch']:.2f} (source {before['stretch']:.2f})")

@@ -12,6 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 import addon  # noqa: E402
+from addon import mesh_read  # noqa: E402
 
 if bpy.app.version < (4, 3):
     # As a module Blender 4.2 crashes at Python's end once a pointer property with a poll was registered.
@@ -97,6 +98,11 @@ def renumbered(vertices, faces, seed=5):
     new[old] = np.arange(len(old))
     order = rng.permutation(len(faces))
     return vertices[old], [[int(new[v]) for v in faces[i]] for i in order], old
+
+
+def triangle_vertices(mesh):
+    """The vertices of Blender's triangles, (m, 3)."""
+    return mesh_read.corner_vertices(mesh)[mesh_read.triangle_corners(mesh)[0]]
 
 
 def turned(vertices):

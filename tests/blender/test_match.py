@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from conftest import choose, lumpy, new_object
+from conftest import choose, lumpy, new_object, triangle_vertices
 
 from addon import mesh_read, notice, stored_match
 from addon.mesh_write import read_attribute
@@ -61,7 +61,7 @@ def test_copy_is_found_and_written(pair):
     barycentric = values(target, "match_barycentric")
     assert barycentric.min() >= -1e-6
     np.testing.assert_allclose(barycentric.sum(axis=1), 1.0, atol=1e-5)
-    triangles = mesh_read.triangle_vertices(source.data)[values(target, "match_face")]
+    triangles = triangle_vertices(source.data)[values(target, "match_face")]
     rebuilt = np.einsum("ij,ijc->ic", barycentric, mesh_read.positions(source.data)[triangles])
     np.testing.assert_allclose(rebuilt, values(target, "match_position"), atol=1e-5)
     colours = np.einsum("ij,ijc->ic", barycentric, values(source, "match_color")[triangles])

@@ -47,9 +47,6 @@ def test_triangles_are_those_of_blender(scene, monkeypatch, single_reads):
     expected_corners, expected_faces = blenders_own(mesh)
     np.testing.assert_array_equal(faces, expected_faces)
     np.testing.assert_array_equal(corners, expected_corners)
-    np.testing.assert_array_equal(
-        mesh_read.triangle_vertices(mesh), mesh_read.corner_vertices(mesh)[expected_corners]
-    )
 
 
 def test_most_quads_need_not_be_asked_for(scene):

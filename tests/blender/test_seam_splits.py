@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from conftest import lumpy, new_object
+from conftest import lumpy, new_object, triangle_vertices
 from mathutils.bvhtree import BVHTree
 from test_transfer import store_nearest, transfer
 
@@ -77,7 +77,7 @@ def area(mesh):
 def shown_and_true(source, target, rng):
     """At random places of all faces: the UV that the target shows there, and the source's at that place."""
     points, uv = mesh_read.positions(source.data).astype(float), read_uv(source.data, "Map").reshape(-1, 3, 2)
-    faces = mesh_read.triangle_vertices(source.data)
+    faces = triangle_vertices(source.data)
     tree = BVHTree.FromPolygons(points.tolist(), faces.tolist(), all_triangles=True)
     corners, _ = mesh_read.triangle_corners(target.data)
     places = mesh_read.positions(target.data).astype(float)[mesh_read.corner_vertices(target.data)[corners]]

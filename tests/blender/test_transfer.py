@@ -5,7 +5,7 @@ import bpy
 import numpy as np
 import pytest
 import sgmds
-from conftest import choose, lumpy, new_object
+from conftest import choose, lumpy, new_object, triangle_vertices
 
 from addon import mesh_read
 from addon.mesh_write import read_attribute, write_attribute
@@ -26,7 +26,7 @@ def store_map(source, target, faces, barycentric):
 
 def store_identity(source, target):
     """Each vertex lies on the vertex of the same number; of the triangles there, the last is named."""
-    triangles = mesh_read.triangle_vertices(source.data)
+    triangles = triangle_vertices(source.data)
     face, corner = np.empty(len(source.data.vertices), int), np.empty(len(source.data.vertices), int)
     for k in range(3):
         face[triangles[:, k]], corner[triangles[:, k]] = np.arange(len(triangles)), k
@@ -37,7 +37,7 @@ def store_nearest(source, target):
     """Each vertex lies on the nearest point of the source, both as they stand in object space."""
     from mathutils.bvhtree import BVHTree
 
-    points, triangles = mesh_read.positions(source.data), mesh_read.triangle_vertices(source.data)
+    points, triangles = mesh_read.positions(source.data), triangle_vertices(source.data)
     tree = BVHTree.FromPolygons(points.tolist(), triangles.tolist(), all_triangles=True)
     faces, weights = [], []
     for vertex in target.data.vertices:

@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from conftest import lumpy, new_object, renumbered, turned
+from conftest import lumpy, new_object, renumbered, triangle_vertices, turned
 from mathutils import Matrix
 from test_transfer import ball, store_map, store_nearest, transfer, weights_of, without_data
 
@@ -18,7 +18,7 @@ from addon.transfer.uv_maps import read_uv
 
 def store_copy(source, target, old):
     """Each target vertex lies on the source vertex from which it was made."""
-    triangles = mesh_read.triangle_vertices(source.data)
+    triangles = triangle_vertices(source.data)
     face, corner = np.empty(len(old), int), np.empty(len(old), int)
     for k in range(3):
         face[triangles[:, k]], corner[triangles[:, k]] = np.arange(len(triangles)), k
