@@ -12,6 +12,7 @@ import time
 from collections import defaultdict
 
 import bpy
+import gpu
 import window
 from mathutils import Matrix, Vector
 
@@ -81,8 +82,7 @@ class MainThread:
 
     def __init__(self):
         self.longest = defaultdict(float)
-        self._writing = False
-        self._drawn = set()
+        self._writing = self._compiling = False
 
     def watch(self):
         """Measure every function of ours that Blender calls."""
@@ -100,11 +100,23 @@ class MainThread:
             ):
                 if callable(getattr(cls, name, None)):
                     self._measure(cls, name, f"{cls.__name__}.{name}")
+        self._mark_compiling()
         overlay.unregister()
         for name in ("_draw_lines", "_draw_marks"):
             self._measure(overlay, name, name)
         overlay.register()
         self._measure(stored, "state", "stored_match.state")
+
+    def _mark_compiling(self):
+        """The driver, here on the processor, compiles a shader when it is first used."""
+        inner, known = gpu.shader.from_builtin, set()
+
+        def marked(name):
+            self._compiling |= name not in known
+            known.add(name)
+            return inner(name)
+
+        gpu.shader.from_builtin = marked
 
     def _mark_writing(self, cls, name):
         inner = getattr(cls, name)
@@ -120,16 +132,13 @@ class MainThread:
         bound = isinstance(inspect.getattr_static(owner, name), classmethod)
 
         def measured(*arguments):
-            self._writing = False
+            self._writing = self._compiling = False
             # Time of this thread alone: what else the machine does is not our doing.
             begun = time.thread_time()
             try:
                 return inner(*arguments)
             finally:
-                # At the first drawing the driver, here on the processor, compiles the shaders.
-                compiles = label.startswith("_draw") and label not in self._drawn
-                self._drawn.add(label)
-                if not self._writing and not compiles:
+                if not self._writing and not self._compiling:
                     self.longest[label] = max(self.longest[label], time.thread_time() - begun)
 
         # Blender passes as many arguments as the function's code declares.
