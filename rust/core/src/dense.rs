@@ -118,6 +118,12 @@ impl Rows {
         MatRef::from_column_major_slice(&self.data, self.dims, self.count())
     }
 
+    /// The same, to write to.
+    pub fn as_columns_mut(&mut self) -> MatMut<'_, f32> {
+        let count = self.count();
+        MatMut::from_column_major_slice_mut(&mut self.data, self.dims, count)
+    }
+
     /// The points named by `ids`.
     #[must_use]
     pub fn gather(&self, ids: &[u32]) -> Self {

@@ -8,11 +8,11 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par, Side};
 use rayon::prelude::*;
 
-use crate::dense::{self, vectorised};
+use crate::dense;
 use crate::distance_operator;
 use crate::error::{Error, Result};
 use crate::hints::Which;
-use crate::nearest::{lowest, lowest_sum};
+use crate::nearest::lowest;
 use crate::orientation::{TangentGradients, better_signs, orientation, shares};
 use crate::pair::{Pair, Part, Shares};
 use crate::progress::Progress;
@@ -22,8 +22,6 @@ use crate::shape::Shape;
 const SEED_SIZE: usize = 7;
 /// Eigenfunctions of the finished candidates.
 pub const CANDIDATE_SIZE: usize = 24;
-/// Samples whose images are sought.
-const ASKING: usize = 200;
 /// Sign and order patterns kept of all that are tried.
 const SIGN_SEEDS: usize = 48;
 /// Coordinates of the spectral multidimensional scaling.
@@ -58,26 +56,39 @@ pub struct Width {
     pub first: usize,
     /// Candidates kept afterwards.
     pub beam: usize,
+    /// Samples whose images are sought.
+    asking: usize,
+    /// Samples among which they are sought.
+    answering: usize,
 }
 
 impl Width {
+    /// One candidate, to see what the search contributes.
+    pub const SINGLE: Self = Self {
+        first: 1,
+        beam: 1,
+        ..Self::USUAL
+    };
+    /// A first look, enough for poses of one body.
+    pub const NARROW: Self = Self {
+        first: 20,
+        beam: 8,
+        asking: 120,
+        answering: 300,
+    };
+    /// Enough for most pairs.
+    pub const USUAL: Self = Self {
+        first: 32,
+        beam: 16,
+        asking: 200,
+        answering: 500,
+    };
     /// For pairs where the usual width finds nothing convincing.
-    #[must_use]
-    pub fn wide() -> Self {
-        Self {
-            first: 96,
-            beam: 40,
-        }
-    }
-}
-
-impl Default for Width {
-    fn default() -> Self {
-        Self {
-            first: 32,
-            beam: 16,
-        }
-    }
+    pub const WIDE: Self = Self {
+        first: 96,
+        beam: 40,
+        ..Self::USUAL
+    };
 }
 
 /// A map between the low ends of two spectra, with its images on the samples.
@@ -101,6 +112,7 @@ pub struct Candidate {
 #[derive(Debug)]
 pub struct SampledPair<'a> {
     pair: Pair<'a>,
+    width: Width,
     side_target: Sampled,
     side_source: Sampled,
 }
@@ -110,6 +122,8 @@ pub struct SampledPair<'a> {
 struct Sampled {
     /// Basis at the samples, `(s, k)`.
     basis: Mat<f64>,
+    /// The same in single precision.
+    single: Mat<f32>,
     /// Distances between the samples, `(s, s)`.
     distances: Mat<f32>,
     /// Descriptor part of the squared distance, `(own samples, other's asking samples)`.
@@ -123,11 +137,16 @@ struct Sampled {
 impl<'a> SampledPair<'a> {
     /// Gathers the samples of both shapes.
     #[must_use]
-    pub fn new(pair: Pair<'a>) -> Self {
+    pub fn new(pair: Pair<'a>, width: Width) -> Self {
+        let (side_target, side_source) = rayon::join(
+            || Sampled::new(&pair, Which::Target, width),
+            || Sampled::new(&pair, Which::Source, width),
+        );
         Self {
             pair,
-            side_target: Sampled::new(&pair, Which::Target),
-            side_source: Sampled::new(&pair, Which::Source),
+            width,
+            side_target,
+            side_source,
         }
     }
 
@@ -135,7 +154,8 @@ impl<'a> SampledPair<'a> {
     ///
     /// # Errors
     /// [`Error::Cancelled`]; [`Error::NoMap`] when no seed gives a finite energy.
-    pub fn search(&self, width: Width, progress: &Progress) -> Result<Vec<Candidate>> {
+    pub fn search(&self, progress: &Progress) -> Result<Vec<Candidate>> {
+        let width = self.width;
         let largest = CANDIDATE_SIZE
             .min(self.side_source.basis.ncols())
             .min(self.side_target.basis.ncols());
@@ -201,7 +221,8 @@ impl<'a> SampledPair<'a> {
                 // Eigenvalues ascend, so the most negative ones come first.
                 decomposition.U()[(i, j)] * (-decomposition.S()[j]).max(0.0).sqrt()
             });
-            Some(dense::product(side.basis.get(.., 1..k), scaled.as_ref()))
+            let at_samples = dense::product(side.basis.get(.., 1..k), scaled.as_ref());
+            Some(in_single(at_samples.as_ref()))
         };
         let (Some(target), Some(source)) = (
             coordinates(self.pair.target, &self.side_target),
@@ -246,19 +267,20 @@ impl<'a> SampledPair<'a> {
     /// Point maps of a matrix: on the source and on the target.
     fn images(&self, matrix: MatRef<'_, f64>) -> (Vec<u32>, Vec<u32>) {
         let (ks, kt) = (matrix.nrows(), matrix.ncols());
-        let target = self.side_target.basis.get(.., ..kt);
-        let source = dense::product(self.side_source.basis.get(.., ..ks), matrix);
+        let target = self.side_target.single.get(.., ..kt);
+        let turned = dense::product(self.side_source.basis.get(.., ..ks), matrix);
+        let source = in_single(turned.as_ref());
         let on_source = closest(
             target.get(..self.side_target.asking, ..),
             source.as_ref(),
             Some(&self.side_source.fixed),
-            1.0 / kt as f64,
+            1.0 / kt as f32,
         );
         let on_target = closest(
             source.get(..self.side_source.asking, ..),
             target,
             Some(&self.side_target.fixed),
-            1.0 / kt as f64,
+            1.0 / kt as f32,
         );
         (on_source, on_target)
     }
@@ -419,20 +441,21 @@ impl<'a> SampledPair<'a> {
 }
 
 impl Sampled {
-    fn new(pair: &Pair<'_>, which: Which) -> Self {
+    fn new(pair: &Pair<'_>, which: Which, width: Width) -> Self {
         let (target, source) = (pair.target, pair.source);
         let (own, other, opposite) = match which {
             Which::Target => (target, source, Which::Source),
             Which::Source => (source, target, Which::Target),
         };
-        let known = pair.hints.in_search(which, own, &own.farthest);
-        let asked = pair.hints.in_search(opposite, other, &other.farthest);
-        let at = |shape: &Shape| shape.descriptors.rows.gather(&shape.farthest);
-        let (mine, theirs) = (at(own), at(other));
-        let asking = |shape: &Shape| ASKING.min(shape.farthest.len());
+        let samples = own.farthest_points(width.answering);
+        let questions = other.farthest_points(width.asking);
+        let known = pair.hints.in_search(which, own, samples);
+        let asked = pair.hints.in_search(opposite, other, questions);
+        let mine = own.descriptors.rows.gather(samples);
+        let theirs = other.descriptors.rows.gather(questions);
         let basis = dense::gather_rows(
             own.basis.functions.as_ref(),
-            &own.farthest,
+            samples,
             own.distance_operator.nrows(),
         );
         let distances = distance_operator::between(
@@ -441,9 +464,9 @@ impl Sampled {
             basis.as_ref(),
         );
         let waves = mine.dims - 1;
-        let mut fixed = Mat::zeros(mine.count(), asking(other));
-        let mut mismatch = Mat::zeros(mine.count(), asking(other));
-        for j in 0..asking(other) {
+        let mut fixed = Mat::zeros(mine.count(), theirs.count());
+        let mut mismatch = Mat::zeros(mine.count(), theirs.count());
+        for j in 0..theirs.count() {
             for i in 0..mine.count() {
                 let (a, b) = (mine.row(i), theirs.row(j));
                 let wave: f32 = a[..waves]
@@ -476,11 +499,12 @@ impl Sampled {
                     distances[(i, j)] as f32
                 }
             }),
+            single: in_single(basis.as_ref()),
             basis,
             fixed,
             mismatch,
-            gradients: TangentGradients::new(own, &own.farthest),
-            asking: asking(own),
+            gradients: TangentGradients::new(own, samples),
+            asking: own.farthest_points(width.asking).len(),
         }
     }
 
@@ -614,37 +638,36 @@ pub fn fit(
 
 /// Number of the point nearest to each query under weight·‖a − b‖² + fixed(b, a).
 fn closest(
-    queries: MatRef<'_, f64>,
-    points: MatRef<'_, f64>,
+    queries: MatRef<'_, f32>,
+    points: MatRef<'_, f32>,
     fixed: Option<&Mat<f32>>,
-    weight: f64,
+    weight: f32,
 ) -> Vec<u32> {
-    let single = |m: MatRef<'_, f64>| Mat::from_fn(m.nrows(), m.ncols(), |i, j| m[(i, j)] as f32);
-    let (queries, points) = (single(queries), single(points));
-    let norms: Vec<f32> = (0..points.nrows())
-        .map(|i| {
-            let sum: f32 = points.row(i).iter().map(|x| x * x).sum();
-            sum * weight as f32
-        })
-        .collect();
-    let mut cost = Mat::zeros(points.nrows(), queries.nrows());
+    let mut norms = vec![0f32; points.nrows()];
+    for j in 0..points.ncols() {
+        for (norm, x) in norms.iter_mut().zip(points.col(j).iter()) {
+            *norm += weight * x * x;
+        }
+    }
+    let mut cost = fixed.map_or_else(
+        || Mat::zeros(points.nrows(), queries.nrows()),
+        Mat::to_owned,
+    );
     matmul(
         cost.as_mut(),
-        Accum::Replace,
-        points.as_ref(),
+        Accum::Add,
+        points,
         queries.transpose(),
-        -2.0 * weight as f32,
+        -2.0 * weight,
         Par::Seq,
     );
     (0..queries.nrows())
-        .map(|j| {
-            let scores = cost.col_as_slice(j);
-            match fixed {
-                Some(fixed) => vectorised(|| lowest_sum([scores, fixed.col_as_slice(j), &norms])),
-                None => lowest(scores, &norms),
-            }
-        })
+        .map(|j| lowest(cost.col_as_slice(j), &norms))
         .collect()
+}
+
+fn in_single(matrix: MatRef<'_, f64>) -> Mat<f32> {
+    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] as f32)
 }
 
 /// Applies a fallible step to all candidates in parallel, in order.

@@ -56,51 +56,43 @@ pub fn nearest_unless(queries: &Rows, points: &Rows, check: Check<'_>) -> Result
     Ok(blocks.concat())
 }
 
-/// Index of the smallest `scores[j] + offsets[j]`.
+/// Index of the smallest `scores[j] + offsets[j]`, the first of equal ones; both equally long.
 #[must_use]
 pub fn lowest(scores: &[f32], offsets: &[f32]) -> u32 {
-    vectorised(|| lowest_sum([scores, offsets]))
+    vectorised(|| lowest_in_lanes(scores, offsets))
 }
 
-/// Index of the smallest sum of the terms' j-th entries, the first of equal ones; to be called
-/// within [`vectorised`]. All terms are as long as the first.
 #[inline(always)]
-#[must_use]
-pub fn lowest_sum<const TERMS: usize>(terms: [&[f32]; TERMS]) -> u32 {
+fn lowest_in_lanes(scores: &[f32], offsets: &[f32]) -> u32 {
     // Lanes run independently so that the compiler can use vector registers.
     const LANES: usize = 16;
-    let count = terms[0].len();
     let mut best = [f32::INFINITY; LANES];
     let mut at = [0u32; LANES];
-    let whole = count / LANES * LANES;
-    for start in (0..whole).step_by(LANES) {
-        let mut cost = [0f32; LANES];
-        for term in terms {
-            let chunk = &term[start..start + LANES];
-            for lane in 0..LANES {
-                cost[lane] += chunk[lane];
-            }
-        }
+    let (score_lanes, offset_lanes) = (scores.chunks_exact(LANES), offsets.chunks_exact(LANES));
+    let rest = score_lanes
+        .remainder()
+        .iter()
+        .zip(offset_lanes.remainder())
+        .map(|(score, offset)| score + offset);
+    for (block, (score, offset)) in score_lanes.zip(offset_lanes).enumerate() {
         for lane in 0..LANES {
-            let better = cost[lane] < best[lane];
-            best[lane] = if better { cost[lane] } else { best[lane] };
-            at[lane] = if better { start as u32 } else { at[lane] };
+            let cost = score[lane] + offset[lane];
+            let better = cost < best[lane];
+            best[lane] = if better { cost } else { best[lane] };
+            at[lane] = if better { block as u32 } else { at[lane] };
         }
     }
     let mut winner = (f32::INFINITY, 0u32);
     for lane in 0..LANES {
-        let id = at[lane] + lane as u32;
+        let id = at[lane] * LANES as u32 + lane as u32;
         if best[lane] < winner.0 || (best[lane] == winner.0 && id < winner.1) {
             winner = (best[lane], id);
         }
     }
-    for j in whole..count {
-        let mut cost = 0.0;
-        for term in terms {
-            cost += term[j];
-        }
+    let whole = scores.len() / LANES * LANES;
+    for (j, cost) in rest.enumerate() {
         if cost < winner.0 {
-            winner = (cost, j as u32);
+            winner = (cost, (whole + j) as u32);
         }
     }
     winner.1

@@ -19,6 +19,9 @@ pub enum Grade {
 const ORIENTATION: (f64, f64) = (0.65, 0.75);
 /// Mean change of short distances up to which bodies are alike, and beyond which a map is doubtful.
 const LOCAL_DISTORTION: (f64, f64) = (0.035, 0.05);
+/// Orientation from which, and mean change of short distances up to which, a map without a rival needs no
+/// wider search: poses of one body have 0.75 and 0.02.
+const CLEAR: (f64, f64) = (0.7, 0.025);
 /// Score below which a map is graded red, and from which it may be green.
 const SCORE: (f64, f64) = (0.3, 0.55);
 /// Margin at which another map is as good as the chosen one, and from which it is no rival.
@@ -48,6 +51,12 @@ impl Grade {
 #[must_use]
 pub fn doubtful(figures: &Figures) -> bool {
     figures.orientation < ORIENTATION.0 || figures.local_distortion > LOCAL_DISTORTION.1
+}
+
+/// Whether a map keeps distances and orientation so well that it is one of two poses of a body.
+#[must_use]
+pub fn clear(figures: &Figures) -> bool {
+    figures.orientation > CLEAR.0 && figures.local_distortion < CLEAR.1
 }
 
 /// How likely a map is right, in [0, 1]: curvatures agree at matched points, no other map fits

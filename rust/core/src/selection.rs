@@ -19,6 +19,17 @@ use crate::vector;
 const SCORED: usize = 12;
 /// Candidates that take part in the vote.
 const VOTERS: usize = 8;
+/// How far behind the best a candidate may be to be scored, by rank, and to vote, by score.
+const SCORED_WITHIN: Reach = Reach {
+    // Right ones stay below 1.15.
+    times: 1.6,
+    floor: 0.01,
+};
+const VOTING_WITHIN: Reach = Reach {
+    // Right ones stay below 1.25.
+    times: 2.0,
+    floor: 1e-5,
+};
 /// Samples on which maps are judged.
 const JUDGED: usize = 300;
 /// Samples against which two candidates are told apart.
@@ -35,6 +46,11 @@ const ORIENTATION_FUNCTIONS: usize = 24;
 const ORIENTATION_OFFSET: (f64, f64) = (1.2, 1.5);
 /// Candidates whose ranks differ by less than this fraction are told apart by their dense maps.
 const CLOSE: f64 = 0.15;
+/// No map comes near where the second rank is beyond this.
+const ALONE: Reach = Reach {
+    times: 1.6,
+    floor: 5e-3,
+};
 /// Maps whose images lie farther apart than this on average are not the same.
 const ANOTHER_MAP: f64 = 0.05;
 /// Beyond this margin more says nothing.
@@ -43,6 +59,19 @@ const MARGIN_AT_MOST: f64 = 2.0;
 const DISTORTION_NOISE: f64 = 2e-3;
 /// Distances below this are compared for the grade; long ones differ between right maps too.
 const LOCAL: f64 = 0.35;
+
+/// A multiple of the best figure. Equal maps of one shape differ by their samples only, the best
+/// of them by nothing: all figures up to the floor are as good as it.
+struct Reach {
+    times: f64,
+    floor: f64,
+}
+
+impl Reach {
+    fn from(&self, best: f64) -> f64 {
+        self.times * best.max(self.floor)
+    }
+}
 
 /// A candidate after upsampling.
 #[derive(Debug)]
@@ -150,17 +179,18 @@ fn scored(
     candidates: &[Candidate],
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Vec<Scored>> {
-    let oriented: Vec<&Candidate> = candidates
+    let mut oriented: Vec<&Candidate> = candidates
         .iter()
         .filter(|c| pair.mirror == Mirror::Allow || c.orientation >= MIRRORED)
         .take(if pair.uses(Part::Vote) { SCORED } else { 1 })
         .collect();
-    if oriented.is_empty() {
+    let Some(bound) = oriented.first().map(|best| SCORED_WITHIN.from(best.rank)) else {
         return Err(Error::NoMap {
             reason: "every candidate is mirrored; if one shape is a mirror image, allow that"
                 .into(),
         });
-    }
+    };
+    oriented.retain(|c| c.rank <= bound);
     oriented
         .par_iter()
         .map(|c| {
@@ -285,11 +315,12 @@ fn off_axes(pair: &Pair<'_>, images: &[u32]) -> f64 {
 /// The best candidates that differ from one another.
 fn different(pair: &Pair<'_>, scored: Vec<Scored>) -> Vec<Scored> {
     let source = pair.source;
-    let witnesses = &source.farthest[..WITNESSES.min(source.farthest.len())];
+    let witnesses = source.farthest_points(WITNESSES);
     let mut chosen: Vec<(Scored, Mat<f64>)> = Vec::new();
     let mut rest = Vec::new();
+    let bound = VOTING_WITHIN.from(scored.first().map_or(0.0, |best| best.score));
     for s in scored {
-        if chosen.len() == VOTERS {
+        if chosen.len() == VOTERS || (s.score > bound && !chosen.is_empty()) {
             break;
         }
         if pair.mirror == Mirror::Forbid && s.orientation < ORIENTED {
@@ -347,7 +378,7 @@ fn judged(
 /// The samples on which maps are judged.
 #[must_use]
 pub fn judging(shape: &Shape) -> &[u32] {
-    &shape.farthest[..JUDGED.min(shape.farthest.len())]
+    shape.farthest_points(JUDGED)
 }
 
 /// Orientation and local distortion of a map, given the images of both shapes' judging samples.
@@ -392,6 +423,32 @@ pub fn rivals(hypotheses: &[Hypothesis]) -> usize {
         .iter()
         .take_while(|h| h.figures.rank() <= bound)
         .count()
+}
+
+/// The hypotheses of two searches, best first, of those that say the same the better one.
+#[must_use]
+pub fn merged(source: &Shape, some: Vec<Hypothesis>, more: Vec<Hypothesis>) -> Vec<Hypothesis> {
+    let mut all: Vec<Hypothesis> = some.into_iter().chain(more).collect();
+    all.sort_by(|a, b| a.figures.rank().total_cmp(&b.figures.rank()));
+    let mut kept: Vec<Hypothesis> = Vec::new();
+    for hypothesis in all {
+        let differs = |other: &Hypothesis| {
+            source.mean_spectral_distance(&hypothesis.images, &other.images) > DIFFERENT
+        };
+        if kept.iter().all(differs) {
+            kept.push(hypothesis);
+        }
+    }
+    kept
+}
+
+/// Whether there is a first hypothesis and the rank of every other is far above its.
+#[must_use]
+pub fn stands_alone(hypotheses: &[Hypothesis]) -> bool {
+    hypotheses.split_first().is_some_and(|(first, others)| {
+        let bound = ALONE.from(first.figures.rank());
+        others.iter().all(|h| h.figures.rank() > bound)
+    })
 }
 
 /// Writes into all figures how far each map lies from the chosen one, and how clearly that one

@@ -275,6 +275,12 @@ impl Shape {
         &self.farthest[..self.fields.ncols()]
     }
 
+    /// The first so many farthest-point samples, fewer on a small shape; any number of them covers it.
+    #[must_use]
+    pub fn farthest_points(&self, count: usize) -> &[u32] {
+        &self.farthest[..count.min(self.farthest.len())]
+    }
+
     /// Distances between two lists of vertices through the distance operator, about 2 % off.
     #[must_use]
     pub fn spectral_distances(&self, a: &[u32], b: &[u32]) -> Mat<f64> {

@@ -31,7 +31,8 @@ const CURVATURE_FLOOR: f64 = 1e-5;
 /// Close hypotheses completed at most.
 const MOST_COMPLETED: usize = 3;
 
-/// Hypotheses for two whole shapes. When they are poor, also for either being a part of the other,
+/// Hypotheses for two whole shapes: by a narrow search alone where that finds a clear map without a
+/// rival, else by a usual one as well. When they are poor, also for either being a part of the other,
 /// which must then fit clearly better, since half as many questions are easier to answer well; and
 /// when these are no better, once more for whole shapes by a wider search.
 pub(super) fn whole_or_part(
@@ -43,7 +44,15 @@ pub(super) fn whole_or_part(
         let stage = |s: &'static str, f: f64| report(s, from + (to - from) * f);
         hypotheses(&Pair { shares, ..*pair }, width, progress, &stage)
     };
-    let mut best = search(Shares::BOTH, Width::default(), (0.0, 0.3))?;
+    let narrow = match search(Shares::BOTH, Width::NARROW, (0.0, 0.1)) {
+        Err(Error::NoMap { .. }) => Vec::new(),
+        found => found?,
+    };
+    if selection::stands_alone(&narrow) && quality::clear(&narrow[0].figures) {
+        return Ok(narrow);
+    }
+    let usual = search(Shares::BOTH, Width::USUAL, (0.1, 0.3))?;
+    let mut best = selection::merged(pair.source, narrow, usual);
     let whole = best[0].figures;
     if !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
         return Ok(best);
@@ -53,7 +62,7 @@ pub(super) fn whole_or_part(
         (Shares::TARGET_IS_PART, (0.3, 0.4)),
         (Shares::SOURCE_IS_PART, (0.4, 0.5)),
     ] {
-        let mut part = match search(shares, Width::default(), within) {
+        let mut part = match search(shares, Width::USUAL, within) {
             Err(Error::NoMap { .. }) => continue,
             found => found?,
         };
@@ -64,10 +73,8 @@ pub(super) fn whole_or_part(
         }
     }
     if best[0].shares == Shares::BOTH {
-        let wide = search(Shares::BOTH, Width::wide(), (0.5, 0.6))?;
-        if wide[0].figures.rank() < best[0].figures.rank() {
-            best = wide;
-        }
+        let wide = search(Shares::BOTH, Width::WIDE, (0.5, 0.6))?;
+        best = selection::merged(pair.source, best, wide);
     }
     Ok(best)
 }
@@ -83,9 +90,9 @@ pub(super) fn hypotheses(
     let width = if pair.uses(Part::Search) {
         width
     } else {
-        Width { first: 1, beam: 1 }
+        Width::SINGLE
     };
-    let candidates = SampledPair::new(*pair).search(width, progress)?;
+    let candidates = SampledPair::new(*pair, width).search(progress)?;
     report("selection", 0.5)?;
     selection::vote(pair, &candidates, &|f| report("selection", 0.5 + 0.5 * f))
 }

@@ -119,7 +119,7 @@ pub fn match_shapes(
             };
             let hypotheses = if options.shares.is_some() {
                 let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
-                hypotheses(&pair, Width::default(), progress, &stage)?
+                hypotheses(&pair, Width::USUAL, progress, &stage)?
             } else {
                 whole_or_part(&pair, progress, report)?
             };

@@ -11,8 +11,9 @@
 
 use std::f64::consts::PI;
 
+use faer::linalg::matmul::matmul;
 use faer::linalg::solvers::Svd;
-use faer::{Mat, MatRef};
+use faer::{Accum, Mat, MatRef, Par};
 
 use crate::dense::{self, Rows};
 use crate::error::Result;
@@ -251,20 +252,39 @@ impl<'a> Side<'a> {
         Mat::from_fn(own.dims, own.dims, |i, j| if i == j { share } else { 0.0 })
     }
 
-    /// \[spectral part / (√π k), surface, weighted normals, looks, landmarks\]: in the first two a
+    /// \[Φ, or Φ·`matrix`, / (√π k), surface, weighted normals, looks, landmarks\]: in the first two a
     /// unit is about a unit of length on the surface, the first because Σλ ≈ 2πk² at unit area.
-    fn embed(&mut self, spectral: MatRef<'_, f64>, surface: MatRef<'_, f64>, weights: Weights) {
-        let (n, k) = (spectral.nrows(), spectral.ncols());
-        let scale = 1.0 / (PI.sqrt() * k as f64);
+    fn embed(
+        &mut self,
+        k: usize,
+        matrix: Option<MatRef<'_, f64>>,
+        surface: MatRef<'_, f64>,
+        weights: Weights,
+    ) {
+        let n = surface.nrows();
+        let scale = (1.0 / (PI.sqrt() * k as f64)) as f32;
         let positions: Vec<Point> = (0..n).map(|i| [0, 1, 2].map(|c| surface[(i, c)])).collect();
         let normals = mesh::normals_of(&positions, &self.shape.mesh.faces);
         let sign = weights.normals * self.shape.volume_sign;
         let looks = self.shape.descriptors.detail.ncols();
         let dims = k + 6 + self.fixed.ncols();
         let mut rows = Rows::zeros(n, dims);
-        for j in 0..k {
-            for (i, value) in spectral.col(j).iter().enumerate() {
-                rows.data[i * dims + j] = (value * scale) as f32;
+        let functions = &self.shape.rows;
+        if let Some(matrix) = matrix {
+            let transposed = Mat::from_fn(k, matrix.nrows(), |i, j| matrix[(j, i)] as f32);
+            matmul(
+                rows.as_columns_mut().subrows_mut(0, k),
+                Accum::Replace,
+                transposed.as_ref(),
+                functions.as_columns().subrows(0, matrix.nrows()),
+                scale,
+                Par::Seq,
+            );
+        } else {
+            for i in 0..n {
+                for (out, value) in rows.row_mut(i)[..k].iter_mut().zip(functions.row(i)) {
+                    *out = scale * value;
+                }
             }
         }
         for i in 0..n {
@@ -375,13 +395,12 @@ impl<'a> Refined<'a> {
         check: Check<'_>,
     ) -> Result<()> {
         check()?;
-        let k = self.matrix.nrows();
-        let turned = dense::product(self.source.basis(k), self.matrix.as_ref());
         let (target, source) = (&mut self.target, &mut self.source);
-        let deformed = self.deformed.as_ref();
+        let (deformed, matrix) = (self.deformed.as_ref(), self.matrix.as_ref());
+        let k = matrix.ncols();
         rayon::join(
-            || target.embed(target.basis(k), deformed, weights),
-            || source.embed(turned.as_ref(), source_surface, weights),
+            || target.embed(k, None, deformed, weights),
+            || source.embed(k, Some(matrix), source_surface, weights),
         );
         self.find_images(SWEEPS, check)
     }

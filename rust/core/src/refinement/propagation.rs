@@ -70,6 +70,10 @@ impl Images {
                 )
             };
         }
+        // Visits are numbered. A vertex has nothing new to try unless a neighbour's image changed since
+        // its last visit.
+        let (mut visit, mut changed_at, mut seen_at) =
+            (0u32, vec![0u32; ids.len()], vec![0u32; ids.len()]);
         // Where the known images are few, spreading them takes precedence over the limit.
         let mut sweep = 0;
         while sweep < sweeps || self.vertex.contains(&u32::MAX) {
@@ -81,8 +85,18 @@ impl Images {
                 } else {
                     ids.len() - 1 - step
                 };
+                let neighbours = asking.1.row(i);
+                let news = |&j: &u32| changed_at[j as usize] > seen_at[i];
+                if seen_at[i] > 0 && !neighbours.iter().any(news) {
+                    continue;
+                }
+                visit += 1;
+                seen_at[i] = visit;
                 let here = asking.0.row(ids[i] as usize);
-                changed |= self.improve(i, here, asking.1.row(i), answering);
+                if self.improve(i, here, neighbours, answering) {
+                    changed_at[i] = visit;
+                    changed = true;
+                }
             }
             if !changed {
                 break;
