@@ -12,10 +12,13 @@ use crate::vector::{self, Point};
 
 /// Samples whose distances are compared.
 const WITNESSES: usize = 80;
-/// Reach of a sample at unit area.
-const REACH: f64 = 0.25;
-/// Keeps the weights of far samples above zero.
+/// Reach of a sample at unit area, and the distance from which on it says nothing: its weight is e⁻⁹.
+const REACH: f32 = 0.25;
+const HORIZON: f32 = 0.75;
+/// Keeps the weights' sum above zero.
 const WEIGHT_FLOOR: f64 = 1e-6;
+/// Vertices that are treated at once.
+const VERTICES_A_PIECE: usize = 512;
 /// Doubt at which confidence falls to 1/e: half of it is left at 0.067, which separates best
 /// the vertices of a whole that a part lacks from the others.
 const TOLERATED: f64 = 0.08;
@@ -81,21 +84,28 @@ pub fn local_distortion(
         .iter()
         .map(|&v| images[v as usize])
         .collect();
-    let on_source =
-        geodesics::distances_from(&source.marching, &witnesses, &|| progress.is_cancelled())?;
+    let on_source = geodesics::distances_within(HORIZON, &source.marching, &witnesses, &|| {
+        progress.is_cancelled()
+    })?;
     Ok(images
-        .par_iter()
+        .par_chunks(VERTICES_A_PIECE)
         .enumerate()
-        .map(|(v, &image)| {
-            let (mut sum, mut total) = (0.0, 0.0);
+        .flat_map_iter(|(piece, images)| {
+            let from = piece * VERTICES_A_PIECE;
+            let mut sums = vec![(0.0, WEIGHT_FLOOR); images.len()];
             for j in 0..count {
-                let here = f64::from(target.fields[(v, j)]);
-                let there = f64::from(on_source[(image as usize, j)]);
-                let weight = (-(here / REACH).powi(2)).exp() + WEIGHT_FLOOR;
-                sum += weight * (here - there).abs();
-                total += weight;
+                let here = &target.fields.col_as_slice(j)[from..];
+                let there = on_source.col_as_slice(j);
+                for (((sum, total), &here), &image) in sums.iter_mut().zip(here).zip(images) {
+                    if here < HORIZON {
+                        let change = f64::from((here - there[image as usize].min(HORIZON)).abs());
+                        let weight = f64::from(-(here / REACH).powi(2)).exp();
+                        *sum += weight * change;
+                        *total += weight;
+                    }
+                }
             }
-            sum / total
+            sums.into_iter().map(|(sum, total)| sum / total)
         })
         .collect())
 }

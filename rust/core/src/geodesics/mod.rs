@@ -23,11 +23,24 @@ use crate::error::{Error, Result};
 ///
 /// # Errors
 /// [`Error::BadArgument`] when a source is not a vertex, [`Error::Cancelled`].
+pub fn distances_from(
+    marching: &FastMarching,
+    sources: &[u32],
+    cancelled: &(dyn Fn() -> bool + Sync),
+) -> Result<Mat<f32>> {
+    distances_within(f32::INFINITY, marching, sources, cancelled)
+}
+
+/// [`distances_from`] up to a bound, infinite beyond.
+///
+/// # Errors
+/// Those of [`distances_from`].
 #[expect(
     clippy::missing_panics_doc,
     reason = "an owned matrix has contiguous columns"
 )]
-pub fn distances_from(
+pub fn distances_within(
+    bound: f32,
     marching: &FastMarching,
     sources: &[u32],
     cancelled: &(dyn Fn() -> bool + Sync),
@@ -51,7 +64,7 @@ pub fn distances_from(
                 let column = column
                     .try_as_col_major_mut()
                     .expect("an owned matrix has contiguous columns");
-                marching.march(source, workspace, column.as_slice_mut());
+                marching.march_bounded(source, bound, workspace, column.as_slice_mut());
                 Ok(())
             },
         )?;
