@@ -89,13 +89,13 @@ impl Part {
 
 /// Parts of the automatic method that are left out; none by default.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct LeftOut(u8);
+pub struct LeftOut(u16);
 
 impl LeftOut {
     /// These parts.
     #[must_use]
     pub fn of(parts: &[Part]) -> Self {
-        Self(parts.iter().fold(0, |bits, &part| bits | 1 << part as u8))
+        Self(parts.iter().fold(0, |bits, &part| bits | 1 << part as u16))
     }
 
     /// The parts of these names.
@@ -124,7 +124,7 @@ impl LeftOut {
     /// Whether a part is among them.
     #[must_use]
     pub fn has(self, part: Part) -> bool {
-        self.0 & (1 << part as u8) != 0
+        self.0 & (1 << part as u16) != 0
     }
 }
 
@@ -150,5 +150,20 @@ impl Pair<'_> {
     #[must_use]
     pub fn uses(&self, part: Part) -> bool {
         !self.left_out.has(part)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_part_can_be_left_out_by_itself() {
+        for (name, part) in Part::ALL {
+            let left_out = LeftOut::named(&[name.to_string()]).expect("it is a known name");
+            for (_, other) in Part::ALL {
+                assert_eq!(left_out.has(other), part == other, "{name}, {other:?}");
+            }
+        }
     }
 }
