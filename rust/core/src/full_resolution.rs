@@ -11,7 +11,7 @@ use crate::error::Result;
 use crate::geodesics;
 use crate::mesh::{Adjacency, Mesh};
 use crate::metric::{Measured, Metric};
-use crate::pointwise_map::{SurfacePoint, closest_weights};
+use crate::pointwise_map::{SurfacePoint, nearest_in_triangle};
 use crate::progress::{Check, Progress};
 use crate::simplification::simplified;
 use crate::vector::{self, Point};
@@ -298,17 +298,11 @@ impl Ground<'_> {
 
     /// Whether a face turns away and how far it is, with its closest point.
     fn on_face(&self, place: Point, normal: Point, face: u32) -> ((bool, f64), SurfacePoint) {
-        let [a, b, c] = self.faces[face as usize].map(|v| self.vertices[v as usize]);
-        let (u, v, d) = (vector::sub(b, a), vector::sub(c, a), vector::sub(place, a));
-        let (square, weights) = closest_weights(
-            vector::dot(u, u),
-            vector::dot(u, v),
-            vector::dot(v, v),
-            vector::dot(u, d),
-            vector::dot(v, d),
-            vector::dot(d, d),
-        );
-        let away = vector::dot(vector::cross(u, v), normal) < 0.0;
+        let corners = self.faces[face as usize].map(|v| self.vertices[v as usize]);
+        let (square, weights) = nearest_in_triangle(place, corners);
+        let [a, b, c] = corners;
+        let across = vector::cross(vector::sub(b, a), vector::sub(c, a));
+        let away = vector::dot(across, normal) < 0.0;
         ((away, square), SurfacePoint { face, weights })
     }
 }

@@ -53,9 +53,9 @@ const SAME: f64 = 0.03;
 #[derive(Debug, Clone, Copy)]
 pub struct Width {
     /// Candidates kept of the seeds.
-    pub first: usize,
+    first: usize,
     /// Candidates kept afterwards.
-    pub beam: usize,
+    beam: usize,
     /// Samples whose images are sought.
     asking: usize,
     /// Samples among which they are sought.

@@ -8,6 +8,7 @@ use crate::full_resolution::FullResolution;
 use crate::progress::Check;
 use crate::refinement::propagation::squared_distance;
 use crate::shape::Shape;
+use crate::vector::{self, Point};
 
 /// Triangles around the nearest vertex and this many of its nearest neighbours are tried.
 const NEIGHBOURS_TRIED: usize = 3;
@@ -279,16 +280,23 @@ fn closest_in_triangle(query: &[f32], [a, b, c]: [&[f32]; 3]) -> (f64, [f64; 3])
     closest_weights(uu, uv, vv, uq, vq, qq)
 }
 
+/// Squared distance to a triangle, and the weights of its nearest point.
+#[must_use]
+pub(crate) fn nearest_in_triangle(query: Point, [a, b, c]: [Point; 3]) -> (f64, [f64; 3]) {
+    let (u, v, d) = (vector::sub(b, a), vector::sub(c, a), vector::sub(query, a));
+    closest_weights(
+        vector::dot(u, u),
+        vector::dot(u, v),
+        vector::dot(v, v),
+        vector::dot(u, d),
+        vector::dot(v, d),
+        vector::dot(d, d),
+    )
+}
+
 /// Squared distance from a query to a triangle and the barycentric weights of the closest point,
 /// from the products of its edges u, v at the first corner and the query's offset q from there.
-pub(crate) fn closest_weights(
-    uu: f64,
-    uv: f64,
-    vv: f64,
-    uq: f64,
-    vq: f64,
-    qq: f64,
-) -> (f64, [f64; 3]) {
+fn closest_weights(uu: f64, uv: f64, vv: f64, uq: f64, vq: f64, qq: f64) -> (f64, [f64; 3]) {
     let cost =
         |s: f64, t: f64| qq - 2.0 * (s * uq + t * vq) + s * s * uu + 2.0 * s * t * uv + t * t * vv;
     let determinant = uu * vv - uv * uv;

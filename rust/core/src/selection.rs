@@ -34,7 +34,8 @@ const VOTING_WITHIN: Reach = Reach {
 const JUDGED: usize = 300;
 /// Samples against which two candidates are told apart.
 const WITNESSES: usize = 100;
-/// Candidates are different when the distances of their images differ by this on average.
+/// Candidates are different when the distances of their images differ by this on average, and finds
+/// of two searches when their images lie this far apart.
 const DIFFERENT: f64 = 0.04;
 /// A candidate at 24 eigenfunctions counts as mirrored below this orientation.
 const MIRRORED: f64 = -0.1;

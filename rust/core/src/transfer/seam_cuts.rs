@@ -6,9 +6,9 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::mesh::Adjacency;
-use crate::pointwise_map::SurfacePoint;
+use crate::pointwise_map::{SurfacePoint, nearest_in_triangle};
 use crate::transfer::corners::{CornerValues, ON_EDGE, Polygons, triangles_around};
-use crate::transfer::surface::{NONE, Surface, blend, nearest_in_triangle};
+use crate::transfer::surface::{NONE, Surface, blend};
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
 use crate::transfer::trace::{Crossing, crossings};
 use crate::vector::{self, Point};

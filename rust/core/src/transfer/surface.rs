@@ -3,7 +3,7 @@
 use std::collections::HashMap;
 
 use crate::error::{Error, Result};
-use crate::pointwise_map::{SurfacePoint, closest_weights};
+use crate::pointwise_map::{SurfacePoint, nearest_in_triangle};
 use crate::vector::{self, Point};
 
 /// Stands for no triangle, across a border or an edge with more than two triangles.
@@ -240,20 +240,6 @@ pub fn blend(corners: [Point; 3], weights: [f64; 3]) -> Point {
     (0..3).fold([0.0; 3], |sum, k| {
         vector::add(sum, vector::scaled(corners[k], weights[k]))
     })
-}
-
-/// Squared distance to a triangle, and the weights of its nearest point.
-#[must_use]
-pub fn nearest_in_triangle(query: Point, [a, b, c]: [Point; 3]) -> (f64, [f64; 3]) {
-    let (u, v, d) = (vector::sub(b, a), vector::sub(c, a), vector::sub(query, a));
-    closest_weights(
-        vector::dot(u, u),
-        vector::dot(u, v),
-        vector::dot(v, v),
-        vector::dot(u, d),
-        vector::dot(v, d),
-        vector::dot(d, d),
-    )
 }
 
 fn build(bounds: &[Bounds], part: &mut [u32], boxes: &mut Vec<Node>) {
