@@ -58,7 +58,7 @@ impl Laplacian {
                 face_corners(*face, squares, double_area)
             })
             .collect();
-        Self::assemble(mesh.vertices.len(), &corners)
+        Self::assemble(mesh.vertices.len(), &corners, f64::NEG_INFINITY)
     }
 
     /// Cotangent weights of the intrinsic Delaunay triangulation; each sheet counts its share.
@@ -78,7 +78,8 @@ impl Laplacian {
                 ..corner
             })
             .collect();
-        let mut made = Self::assemble(mesh.vertices.len(), &corners);
+        // An edge stays undelaunay where flipping it would make a triangle that vanishes in rounding.
+        let mut made = Self::assemble(mesh.vertices.len(), &corners, 0.0);
         // Mollified sides are longer, at needles by far; the area stays that of the mesh.
         let given: f64 = (0..mesh.faces.len()).map(|f| mesh.face_area(f)).sum();
         let found: f64 = made.mass.iter().sum();
@@ -88,7 +89,8 @@ impl Laplacian {
         made
     }
 
-    fn assemble(n: usize, corners: &[Corner]) -> Self {
+    /// Operator of corners, no edge weighing less than `least`.
+    fn assemble(n: usize, corners: &[Corner], least: f64) -> Self {
         let mut mass = vec![0.0; n];
         for corner in corners {
             mass[corner.vertex as usize] += corner.area;
@@ -98,7 +100,7 @@ impl Laplacian {
             *area = area.max(floor);
         }
         Self {
-            stiffness: stiffness(n, corners),
+            stiffness: stiffness(n, corners, least),
             mass,
         }
     }
@@ -162,7 +164,7 @@ fn face_corners(face: [u32; 3], squares: [f64; 3], double_area: f64) -> [Corner;
 
 /// Sums the corners into `W`. Both halves of an edge are summed in face order, so that `W` is
 /// symmetric to the last bit.
-fn stiffness(n: usize, corners: &[Corner]) -> CsMat<f64> {
+fn stiffness(n: usize, corners: &[Corner], least: f64) -> CsMat<f64> {
     // A side from a vertex to itself carries nothing.
     let corners = || corners.iter().filter(|c| c.opposite[0] != c.opposite[1]);
     let mut starts = vec![0usize; n + 1];
@@ -199,7 +201,7 @@ fn stiffness(n: usize, corners: &[Corner]) -> CsMat<f64> {
                 indices.push(i);
                 weights.push(0.0);
             }
-            let weight: f64 = run.iter().map(|&(_, w)| w).sum();
+            let weight = run.iter().map(|&(_, w)| w).sum::<f64>().max(least);
             indices.push(j);
             weights.push(-weight);
             sum += weight;
@@ -224,7 +226,7 @@ mod tests {
     fn equilateral_triangle_weighs_one_over_twice_root_three() {
         let double_area = 3.0f64.sqrt() / 2.0;
         let corners = face_corners([0, 1, 2], [1.0; 3], double_area);
-        let laplacian = Laplacian::assemble(3, &corners);
+        let laplacian = Laplacian::assemble(3, &corners, 0.0);
         let weight = 1.0 / (2.0 * 3.0f64.sqrt());
         for i in 0..3 {
             assert!((laplacian.mass[i] - double_area / 6.0).abs() < 1e-15);
@@ -263,7 +265,7 @@ mod tests {
     fn obtuse_triangle_gives_half_its_area_to_the_obtuse_corner() {
         // Corners (0,0), (4,0), (2,1): obtuse at the last.
         let corners = face_corners([0, 1, 2], [5.0, 5.0, 16.0], 4.0);
-        let laplacian = Laplacian::assemble(3, &corners);
+        let laplacian = Laplacian::assemble(3, &corners, 0.0);
         assert_eq!(laplacian.mass, [0.5, 0.5, 1.0]);
         assert!((laplacian.stiffness[[0, 1]] - 0.375).abs() < 1e-15);
     }

@@ -31,6 +31,7 @@ pub mod shape;
 pub mod simplification;
 pub mod space_tree;
 pub mod spectral_gmds;
+pub mod symmetry;
 pub mod transfer;
 pub mod vector;
 

@@ -14,7 +14,7 @@ use crate::error::{Error, Result};
 use crate::hints::Which;
 use crate::nearest::lowest;
 use crate::orientation::{TangentGradients, better_signs, orientation, shares};
-use crate::pair::{Pair, Part, Shares};
+use crate::pair::{Mirror, Pair, Part, Shares};
 use crate::progress::Progress;
 use crate::shape::Shape;
 
@@ -30,6 +30,9 @@ const SCALING_DIMS: usize = 5;
 const SCALING_FUNCTIONS: usize = 30;
 /// Weight of the descriptors beside the eigenfunctions.
 const DESCRIPTOR_WEIGHT: f32 = 0.7;
+/// Weight of the distance from the own mirror image beside the eigenfunctions. Between cats and horses 2
+/// leaves legs and tail exchanged, 8 shifts the limbs.
+const OFFSET_WEIGHT: f32 = 4.0;
 /// Tikhonov weight of a fit, per sample.
 const FIT_RIDGE: f64 = 1e-3;
 /// Maps closer than this, as a mean geodesic distance at unit area, lie in one basin.
@@ -298,7 +301,7 @@ impl<'a> SampledPair<'a> {
             ORIENTATION_FUNCTIONS,
         );
         let orientation = if self.pair.uses(Part::Orientation) {
-            measured
+            self.wanted_sign() * measured
         } else {
             1.0
         };
@@ -315,6 +318,15 @@ impl<'a> SampledPair<'a> {
             on_source,
             on_target,
             energy,
+        }
+    }
+
+    /// Which orientation is looked for.
+    fn wanted_sign(&self) -> f64 {
+        if self.pair.mirror == Mirror::Only {
+            -1.0
+        } else {
+            1.0
         }
     }
 
@@ -371,7 +383,7 @@ impl<'a> SampledPair<'a> {
                 .map(|(i, &j)| (i, j as usize)),
             candidate.matrix.ncols() - 1,
         );
-        let signs = better_signs(shares.as_ref());
+        let signs = better_signs((self.wanted_sign() * shares).as_ref());
         if signs.iter().all(|&s| s > 0.0) {
             return Ok(None);
         }
@@ -413,7 +425,10 @@ impl<'a> SampledPair<'a> {
 
     /// The best candidates: up to half of them from different basins, the rest merely different.
     fn pruned(&self, mut all: Vec<Candidate>, size: usize, basin: f64) -> Vec<Candidate> {
-        all.retain(|c| c.rank.is_finite());
+        // Among the maps of a shape to itself there is always the identity.
+        all.retain(|c| {
+            c.rank.is_finite() && (self.pair.mirror != Mirror::Only || c.orientation >= 0.0)
+        });
         all.sort_by(|a, b| a.rank.total_cmp(&b.rank));
         let mut chosen: Vec<usize> = Vec::new();
         for (distance, most) in [(basin, size / 2), (SAME, size)] {
@@ -451,6 +466,10 @@ impl Sampled {
         let questions = other.farthest_points(width.asking);
         let known = pair.hints.in_search(which, own, samples);
         let asked = pair.hints.in_search(opposite, other, questions);
+        let offsets = pair.mirror_offsets.map(|[target, source]| match which {
+            Which::Target => (target, source),
+            Which::Source => (source, target),
+        });
         let mine = own.descriptors.rows.gather(samples);
         let theirs = other.descriptors.rows.gather(questions);
         let basis = dense::gather_rows(
@@ -481,6 +500,11 @@ impl Sampled {
                     .zip(asked.col_as_slice(j))
                     .map(|(x, y)| (x - y) * (x - y))
                     .sum();
+                let hinted = hinted
+                    + offsets.map_or(0.0, |(own, other)| {
+                        let change = own[samples[i] as usize] - other[questions[j] as usize];
+                        (OFFSET_WEIGHT * change).powi(2)
+                    });
                 let (wave, bend) = if pair.uses(Part::Descriptors) {
                     (wave, bend)
                 } else {

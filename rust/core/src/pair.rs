@@ -11,6 +11,8 @@ pub enum Mirror {
     Forbid,
     /// Either; for a left against a right hand.
     Allow,
+    /// Only orientation-reversing maps; for the symmetry of one shape.
+    Only,
 }
 
 /// How much each shape's questions to the other count in fits and energies.
@@ -68,13 +70,15 @@ pub enum Part {
     Extrinsic,
     /// Steps of the refinement on the whole surface, locally rigid.
     Rigid,
+    /// The own mirror symmetry of shapes that are not poses of one body.
+    Symmetry,
     /// Parts of shapes and a wider search where the result is poor.
     Retry,
 }
 
 impl Part {
     /// All parts with their names.
-    pub const ALL: [(&'static str, Self); 9] = [
+    pub const ALL: [(&'static str, Self); 10] = [
         ("geodesic", Self::Geodesic),
         ("descriptors", Self::Descriptors),
         ("orientation", Self::Orientation),
@@ -83,6 +87,7 @@ impl Part {
         ("upsampling", Self::Upsampling),
         ("extrinsic", Self::Extrinsic),
         ("rigid", Self::Rigid),
+        ("symmetry", Self::Symmetry),
         ("retry", Self::Retry),
     ];
 }
@@ -143,6 +148,8 @@ pub struct Pair<'a> {
     pub hints: &'a Hints,
     /// What of the method is not used.
     pub left_out: LeftOut,
+    /// Distance of each vertex of the target and of the source from its own mirror image.
+    pub mirror_offsets: Option<[&'a [f32]; 2]>,
 }
 
 impl Pair<'_> {

@@ -30,6 +30,9 @@ const MARGIN: (f64, f64) = (0.85, 1.35);
 const LEAST_CLARITY: f64 = 0.15;
 /// Distance from the chosen map at which an alternative's score falls to 1/e.
 const REACH: f64 = 0.08;
+/// Agreement of curvatures from which shapes may be poses of one body: these have 0.7 to 0.9, other
+/// bodies 0.4 to 0.7.
+const ALIKE: f64 = 0.75;
 /// Agreement of curvatures below which shapes do not look alike.
 const LOOKS_ALIKE: f64 = 0.6;
 /// From this gain on a mirrored map fits clearly better than the direct one.
@@ -51,6 +54,12 @@ impl Grade {
 #[must_use]
 pub fn doubtful(figures: &Figures) -> bool {
     figures.orientation < ORIENTATION.0 || figures.local_distortion > LOCAL_DISTORTION.1
+}
+
+/// Whether the two shapes hardly look like one body in two poses, by the curvatures of a map between them.
+#[must_use]
+pub fn unlike(figures: &Figures) -> bool {
+    figures.agreement < ALIKE
 }
 
 /// Whether a map keeps distances and orientation so well that it is one of two poses of a body.

@@ -4,6 +4,7 @@ use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
 use crate::dense::{self, Rows};
+use crate::descriptors::DETAIL_CURVATURES;
 use crate::error::{Error, Result};
 use crate::hints::Hints;
 use crate::map_search::Candidate;
@@ -45,6 +46,8 @@ const ORIENTED: f64 = 0.15;
 const ORIENTATION_FUNCTIONS: usize = 24;
 /// Weight of the orientation in the score and in the rank: a perfect one is 1.
 const ORIENTATION_OFFSET: (f64, f64) = (1.2, 1.5);
+/// Root of what agreement of curvatures leaves of the rank: a perfect one is 1.
+const DISAGREEMENT_OFFSET: f64 = 1.05;
 /// Candidates whose ranks differ by less than this fraction are told apart by their dense maps.
 const CLOSE: f64 = 0.15;
 /// No map comes near where the second rank is beyond this.
@@ -58,6 +61,8 @@ const ANOTHER_MAP: f64 = 0.05;
 const MARGIN_AT_MOST: f64 = 2.0;
 /// Distortions that differ by less are equal: spectral distances are about 2 % off.
 const DISTORTION_NOISE: f64 = 2e-3;
+/// Added to the power of weighted curvatures: that of a sphere's sampling noise.
+const CURVATURE_FLOOR: f64 = 1e-5;
 /// Distances below this are compared for the grade; long ones differ between right maps too.
 const LOCAL: f64 = 0.35;
 
@@ -96,13 +101,14 @@ pub struct Figures {
     /// Mean change of distances below 0.35 √area.
     pub local_distortion: f64,
     /// How far the unguided map contradicts what is known: Σ (d/0.1)² over landmarks missed by d,
-    /// and 4 (1 − the correlation of both shapes' coordinates) when these are in one frame.
+    /// 4 (1 − the correlation of both shapes' coordinates) when these are in one frame, and (d/0.1)²
+    /// when points and their images lie d closer to the plane of symmetry on one shape.
     pub contradiction: f64,
     /// Rank of the best other map over that of the chosen one, at most 2.
     pub margin: f64,
     /// Mean distance from the images of the chosen map, √area; 0 for the chosen map itself.
     pub apart: f64,
-    /// Mean correlation of the curvatures of both shapes at matched points; 0 before it is known.
+    /// Mean correlation of the curvatures of both shapes at matched points.
     pub agreement: f64,
     /// How much worse the best direct map would be than the best mirrored one, 1 and below when
     /// it is not.
@@ -111,11 +117,13 @@ pub struct Figures {
 
 impl Figures {
     /// By this candidates are ordered, the smaller the better: how far short distances change,
-    /// raised where the surface turns over and where the map contradicts what is known.
+    /// raised where the surface turns over, where curvatures do not agree and where the map
+    /// contradicts what is known.
     #[must_use]
     pub fn rank(&self) -> f64 {
         (self.local_distortion + DISTORTION_NOISE)
             * (ORIENTATION_OFFSET.1 - self.orientation)
+            * (DISAGREEMENT_OFFSET - self.agreement).sqrt()
             * (1.0 + self.contradiction)
     }
 }
@@ -313,6 +321,23 @@ fn off_axes(pair: &Pair<'_>, images: &[u32]) -> f64 {
     WEIGHT * (1.0 - both / (own * other).sqrt())
 }
 
+/// (d/0.1)², d the mean difference between the distances of points and of their images from their own
+/// mirror images, where both shapes are symmetric.
+fn off_symmetry(pair: &Pair<'_>, images: &[u32]) -> f64 {
+    /// A leg taken for the tail doubles the rank.
+    const TOLERANCE: f64 = 0.1;
+    let Some([target, source]) = pair.mirror_offsets else {
+        return 0.0;
+    };
+    let asked = judging(pair.target);
+    let sum: f64 = asked
+        .iter()
+        .zip(images)
+        .map(|(&v, &image)| f64::from((target[v as usize] - source[image as usize]).abs()))
+        .sum();
+    (sum / asked.len() as f64 / TOLERANCE).powi(2)
+}
+
 /// The best candidates that differ from one another.
 fn different(pair: &Pair<'_>, scored: Vec<Scored>) -> Vec<Scored> {
     let source = pair.source;
@@ -367,7 +392,7 @@ fn judged(
     let images = |side: &Side<'_>| side.images.vertex[..judging(side.shape()).len()].to_vec();
     let (on_source, on_target) = (images(&state.target), images(&state.source));
     let mut figures = figures(pair, scored.matrix.as_ref(), &on_source, &on_target);
-    figures.contradiction = scored.contradiction;
+    figures.contradiction = scored.contradiction + off_symmetry(pair, &on_source);
     Ok(Hypothesis {
         matrix: scored.matrix.clone(),
         figures,
@@ -409,8 +434,31 @@ pub fn figures(
         } else {
             0.0
         },
+        agreement: pair.shares.mean(
+            curvature_agreement(target, judging(target), source, on_source),
+            curvature_agreement(source, judging(source), target, on_target),
+        ),
         ..Figures::default()
     }
+}
+
+/// Mean correlation over the smoothing scales between one shape's curvature at some vertices and the
+/// other's at their images; 0 for shapes without features.
+fn curvature_agreement(asking: &Shape, vertices: &[u32], answering: &Shape, images: &[u32]) -> f64 {
+    let (own, there) = (&asking.descriptors.detail, &answering.descriptors.detail);
+    let count = vertices.len() as f64;
+    let correlation = |scale: usize| {
+        let here = |i: usize| f64::from(own[(vertices[i] as usize, scale)]);
+        let image = |i: usize| f64::from(there[(images[i] as usize, scale)]);
+        let mean =
+            |value: &dyn Fn(usize) -> f64| (0..vertices.len()).map(value).sum::<f64>() / count;
+        let (mean_here, mean_image) = (mean(&here), mean(&image));
+        let covariance = mean(&|i| (here(i) - mean_here) * (image(i) - mean_image));
+        let power_here = mean(&|i| (here(i) - mean_here).powi(2));
+        let power_image = mean(&|i| (image(i) - mean_image).powi(2));
+        covariance / ((power_here * power_image).sqrt() + CURVATURE_FLOOR)
+    };
+    (0..DETAIL_CURVATURES).map(correlation).sum::<f64>() / DETAIL_CURVATURES as f64
 }
 
 /// How many hypotheses, best first, come so close to the first that their order by rank says
@@ -441,6 +489,16 @@ pub fn merged(source: &Shape, some: Vec<Hypothesis>, more: Vec<Hypothesis>) -> V
         }
     }
     kept
+}
+
+/// Hypotheses of a pair of which more is known now, best first.
+#[must_use]
+pub fn reordered(pair: &Pair<'_>, mut hypotheses: Vec<Hypothesis>) -> Vec<Hypothesis> {
+    for hypothesis in &mut hypotheses {
+        hypothesis.figures.contradiction += off_symmetry(pair, &hypothesis.images);
+    }
+    hypotheses.sort_by(|a, b| a.figures.rank().total_cmp(&b.figures.rank()));
+    hypotheses
 }
 
 /// Whether there is a first hypothesis and the rank of every other is far above its.

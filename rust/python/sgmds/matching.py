@@ -23,6 +23,7 @@ PARTS = (
     "search",
     "vote",
     "upsampling",
+    "symmetry",
     "retry",
 )
 """Parts of the automatic method that can be left out."""

@@ -57,10 +57,17 @@ pub fn lumpy(subdivisions: usize) -> (Vec<Point>, Vec<[i64; 3]>) {
         ([0.4, -0.5, -0.8], 1.9, 0.25),
         ([-0.5, -0.2, -0.9], 1.4, 0.3),
     ];
-    let (mut vertices, faces) = icosphere(subdivisions);
+    limbed(icosphere(subdivisions), &LIMBS)
+}
+
+/// A unit sphere with limbs, given by their axis, height and width.
+pub fn limbed(
+    (mut vertices, faces): (Vec<Point>, Vec<[i64; 3]>),
+    limbs: &[(Point, f64, f64)],
+) -> (Vec<Point>, Vec<[i64; 3]>) {
     for p in &mut vertices {
         let mut radius = 1.0;
-        for (axis, height, width) in LIMBS {
+        for &(axis, height, width) in limbs {
             let size = length(axis);
             let away = length(sub(*p, axis.map(|x| x / size)));
             radius += height * (-(away / width).powi(2)).exp();

@@ -17,6 +17,7 @@ use crate::quality;
 use crate::refinement::embedded_surface::{self, Refined, Side};
 use crate::selection::{self, Figures, Hypothesis};
 use crate::shape::Shape;
+use crate::symmetry;
 use crate::vector;
 
 /// A map between a part and a whole is taken when its rank is below this times that of the map
@@ -26,57 +27,89 @@ const PART_FITS_BETTER: f64 = 0.8;
 const ELSEWHERE: f64 = 0.05;
 /// Close maps that differ on at most this share of the target are compared on that part.
 const PART_AT_MOST: f64 = 0.5;
-/// Added to the power of weighted curvatures: that of a sphere's sampling noise.
-const CURVATURE_FLOOR: f64 = 1e-5;
 /// Close hypotheses completed at most.
 const MOST_COMPLETED: usize = 3;
 
 /// Hypotheses for two whole shapes: by a narrow search alone where that finds a clear map without a
-/// rival, else by a usual one as well. When they are poor, also for either being a part of the other,
-/// which must then fit clearly better, since half as many questions are easier to answer well; and
-/// when these are no better, once more for whole shapes by a wider search.
+/// rival, else by a usual one as well, and where the bodies differ by one that also knows the plane of
+/// symmetry of each. When they are poor, also for either being a part of the other, which must then
+/// fit clearly better, since half as many questions are easier to answer well; and when these are no
+/// better, once more for whole shapes by a wider search.
 pub(super) fn whole_or_part(
     pair: &Pair<'_>,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
-    let search = |shares: Shares, width: Width, (from, to): (f64, f64)| {
+    let search = |pair: &Pair<'_>, shares: Shares, width: Width, (from, to): (f64, f64)| {
         let stage = |s: &'static str, f: f64| report(s, from + (to - from) * f);
         hypotheses(&Pair { shares, ..*pair }, width, progress, &stage)
     };
-    let narrow = match search(Shares::BOTH, Width::NARROW, (0.0, 0.1)) {
-        Err(Error::NoMap { .. }) => Vec::new(),
-        found => found?,
-    };
+    let narrow = found_or_none(search(pair, Shares::BOTH, Width::NARROW, (0.0, 0.1)))?;
     if selection::stands_alone(&narrow) && quality::clear(&narrow[0].figures) {
         return Ok(narrow);
     }
-    let usual = search(Shares::BOTH, Width::USUAL, (0.1, 0.3))?;
+    let usual = search(pair, Shares::BOTH, Width::USUAL, (0.1, 0.25));
+    let usual = if narrow.is_empty() {
+        usual?
+    } else {
+        found_or_none(usual)?
+    };
     let mut best = selection::merged(pair.source, narrow, usual);
+    let offsets = mirror_offsets(pair, &best[0].figures, progress)?;
+    let guided = &Pair {
+        mirror_offsets: offsets.as_ref().map(|[t, s]| [&t[..], &s[..]]),
+        ..*pair
+    };
+    if offsets.is_some() {
+        let more = found_or_none(search(guided, Shares::BOTH, Width::USUAL, (0.25, 0.35)))?;
+        best = selection::merged(pair.source, selection::reordered(guided, best), more);
+    }
     let whole = best[0].figures;
     if !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
         return Ok(best);
     }
     let mut bound = PART_FITS_BETTER * whole.rank();
     for (shares, within) in [
-        (Shares::TARGET_IS_PART, (0.3, 0.4)),
-        (Shares::SOURCE_IS_PART, (0.4, 0.5)),
+        (Shares::TARGET_IS_PART, (0.35, 0.45)),
+        (Shares::SOURCE_IS_PART, (0.45, 0.5)),
     ] {
-        let mut part = match search(shares, Width::USUAL, within) {
-            Err(Error::NoMap { .. }) => continue,
-            found => found?,
-        };
-        if part[0].figures.rank() < bound {
+        let mut part = found_or_none(search(guided, shares, Width::USUAL, within))?;
+        if part.first().is_some_and(|p| p.figures.rank() < bound) {
             bound = part[0].figures.rank();
             part.push(best.swap_remove(0));
             best = part;
         }
     }
     if best[0].shares == Shares::BOTH {
-        let wide = search(Shares::BOTH, Width::WIDE, (0.5, 0.6))?;
+        let wide = found_or_none(search(guided, Shares::BOTH, Width::WIDE, (0.5, 0.6)))?;
         best = selection::merged(pair.source, best, wide);
     }
     Ok(best)
+}
+
+/// No hypotheses where the search found no map.
+fn found_or_none(found: Result<Vec<Hypothesis>>) -> Result<Vec<Hypothesis>> {
+    match found {
+        Err(Error::NoMap { .. }) => Ok(Vec::new()),
+        found => found,
+    }
+}
+
+/// How far the vertices of target and source lie from their own mirror images, when both shapes are
+/// symmetric and the best map so far says that they are not poses of one body.
+fn mirror_offsets(
+    pair: &Pair<'_>,
+    best: &Figures,
+    progress: &Progress,
+) -> Result<Option<[Vec<f32>; 2]>> {
+    if !pair.uses(Part::Symmetry) || !(quality::unlike(best) || quality::doubtful(best)) {
+        return Ok(None);
+    }
+    let (target, source) = rayon::join(
+        || symmetry::mirror_offsets(pair.target, progress),
+        || symmetry::mirror_offsets(pair.source, progress),
+    );
+    Ok(target?.zip(source?).map(<[Vec<f32>; 2]>::from))
 }
 
 /// Plausible maps, best first.
@@ -172,26 +205,6 @@ fn fits_better_where_it_differs(
     misfit(map) < misfit(other)
 }
 
-/// Mean correlation over the smoothing scales between the target's curvature and the source's at
-/// the images of its vertices; 0 for shapes without features.
-fn curvature_agreement(target: &Shape, source: &Shape, images: &[u32]) -> f64 {
-    let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
-        let weighted = |v: usize| target.mass[v] * value(v);
-        (0..target.mesh.vertices.len()).map(weighted).sum()
-    };
-    let (own, there) = (&target.descriptors.detail, &source.descriptors.detail);
-    let correlation = |scale: usize| {
-        let here = |v: usize| f64::from(own[(v, scale)]);
-        let image = |v: usize| f64::from(there[(images[v] as usize, scale)]);
-        let (mean_here, mean_image) = (mean(&here), mean(&image));
-        let covariance = mean(&|v| (here(v) - mean_here) * (image(v) - mean_image));
-        let power_here = mean(&|v| (here(v) - mean_here).powi(2));
-        let power_image = mean(&|v| (image(v) - mean_image).powi(2));
-        covariance / ((power_here * power_image).sqrt() + CURVATURE_FLOOR)
-    };
-    (0..DETAIL_CURVATURES).map(correlation).sum::<f64>() / DETAIL_CURVATURES as f64
-}
-
 /// Final refinement and dense map of a hypothesis.
 ///
 /// # Errors
@@ -211,6 +224,7 @@ pub fn completed(
         mirror: Mirror::Allow,
         hints,
         left_out: LeftOut::default(),
+        mirror_offsets: None,
     };
     let mut found = completed_and_ranked(&pair, hypothesis, progress, report)?
         .finished(&pair, hypothesis, progress)?;
@@ -221,8 +235,9 @@ pub fn completed(
 /// A refined map with what decides between close ones.
 struct Completed<'a> {
     state: Refined<'a>,
-    /// Rank of the refined map.
+    /// Rank of the refined map, and how well it matches curvatures.
     rank: f64,
+    agreement: f64,
     /// Local distortion at each target vertex.
     distortion: Vec<f64>,
     /// Source vertex of each target vertex.
@@ -255,7 +270,7 @@ impl Completed<'_> {
             progress,
         )?;
         found.figures = Some(Figures {
-            agreement: curvature_agreement(pair.target, pair.source, &self.images),
+            agreement: self.agreement,
             ..hypothesis.figures
         });
         found.shares = hypothesis.shares;
@@ -299,6 +314,7 @@ fn completed_and_ranked<'a>(
     refined.contradiction = hypothesis.figures.contradiction;
     Ok(Completed {
         rank: refined.rank(),
+        agreement: refined.agreement,
         distortion,
         images: asking.images.vertex.clone(),
         state,

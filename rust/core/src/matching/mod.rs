@@ -116,6 +116,7 @@ pub fn match_shapes(
                 mirror: options.mirror,
                 hints: &hints,
                 left_out: options.left_out,
+                mirror_offsets: None,
             };
             let hypotheses = if options.shares.is_some() {
                 let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
