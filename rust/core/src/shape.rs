@@ -22,6 +22,8 @@ pub const EIGENPAIRS: usize = 150;
 pub const SAMPLES: usize = 500;
 /// Samples from which distances are marched: twice the operator's size.
 pub const MARCHED: usize = 120;
+/// Fewer leave no distance operator, which is two thirds of their size.
+const LEAST_MARCHED: usize = 3;
 /// Size of the distance operator.
 pub const OPERATOR_SIZE: usize = 60;
 /// Meshes with more vertices than this are simplified to so many before anything else is done.
@@ -220,7 +222,7 @@ impl Shape {
             && fields.nrows() == n
             && functions.ncols() == values.len()
             && values.len() > 1
-            && (1..=farthest.len()).contains(&fields.ncols())
+            && (LEAST_MARCHED..=farthest.len()).contains(&fields.ncols())
             && farthest.iter().all(|&v| (v as usize) < n)
             && values.windows(2).all(|w| w[0] <= w[1])
             && values.iter().all(|l| l.is_finite())

@@ -17,10 +17,10 @@ use crate::shape::Shape;
 
 /// Mean change of distances up to which a surface's map to itself counts as a symmetry.
 const SYMMETRIC: f64 = 0.04;
-/// How clearly it has to reverse the orientation.
-const REVERSING: f64 = 0.3;
 /// Mean distance between a point and the image of its image up to which it does.
 const INVOLUTIVE: f64 = 0.06;
+/// Orientation beyond which it clearly turns the surface over.
+const REVERSING: f64 = 0.3;
 /// Ridge of the smooth function through the samples' offsets, per sample.
 const RIDGE: f64 = 1e-3;
 
@@ -29,6 +29,37 @@ const RIDGE: f64 = 1e-3;
 /// # Errors
 /// [`Error::Cancelled`].
 pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f32>>> {
+    let Some(map) = reversing_map(shape, progress)? else {
+        return Ok(None);
+    };
+    let k = map.ncols();
+    let samples = &shape.farthest;
+    let basis = dense::gather_rows(shape.basis.functions.as_ref(), samples, k);
+    let turned = dense::product(basis.as_ref(), map.as_ref());
+    let images = nearest(
+        &Rows::from_matrix(basis.as_ref(), k),
+        &Rows::from_matrix(turned.as_ref(), k),
+    );
+    let mut distances = shape.spectral_distances(samples, samples);
+    for i in 0..samples.len() {
+        distances[(i, i)] = 0.0;
+    }
+    if !is_symmetry(&images, &distances) {
+        return Ok(None);
+    }
+    // The offsets of the samples, as a smooth function everywhere.
+    let offsets = Mat::from_fn(samples.len(), 1, |i, _| distances[(i, images[i] as usize)]);
+    let gram = dense::product(basis.transpose(), basis.as_ref());
+    let right = dense::product(basis.transpose(), offsets.as_ref());
+    let ridge = RIDGE * samples.len() as f64;
+    let coefficients = dense::solve_with_ridge(gram, |_| ridge, right.as_ref())?;
+    let smooth = dense::product(shape.functions(k), coefficients.as_ref());
+    let above_zero = smooth.col(0).iter().map(|&s| s.max(0.0) as f32);
+    Ok(Some(above_zero.collect()))
+}
+
+/// The best map of a shape to itself that clearly reverses the orientation, `(60, 60)`.
+fn reversing_map(shape: &Shape, progress: &Progress) -> Result<Option<Mat<f64>>> {
     let hints = Hints::default();
     let pair = Pair {
         target: shape,
@@ -43,45 +74,22 @@ pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f
         Err(Error::NoMap { .. }) => return Ok(None),
         found => found?,
     };
-    let Some(best) = candidates
+    candidates
         .first()
         .filter(|best| best.orientation > REVERSING)
-    else {
-        return Ok(None);
-    };
-    let matrix = upsampling::upsampled(&pair, best)?;
-    let k = matrix.ncols();
-    let samples = &shape.farthest;
-    let basis = dense::gather_rows(shape.basis.functions.as_ref(), samples, k);
-    let turned = dense::product(basis.as_ref(), matrix.as_ref());
-    let images = nearest(
-        &Rows::from_matrix(basis.as_ref(), k),
-        &Rows::from_matrix(turned.as_ref(), k),
-    );
-    let distances = shape.spectral_distances(samples, samples);
-    let m = samples.len();
-    let at = |i: usize, j: usize| if i == j { 0.0 } else { distances[(i, j)] };
-    let image = |i: usize| images[i] as usize;
-    let mut change = 0.0;
-    for j in 0..m {
-        for i in 0..m {
-            change += (at(i, j) - at(image(i), image(j))).abs();
+        .map(|best| upsampling::upsampled(&pair, best))
+        .transpose()
+}
+
+/// Whether images of points among themselves keep distances and are their own inverse.
+fn is_symmetry(images: &[u32], distances: &Mat<f64>) -> bool {
+    let count = images.len();
+    let (mut change, mut back) = (0.0, 0.0);
+    for (j, &image) in images.iter().enumerate() {
+        back += distances[(j, images[image as usize] as usize)];
+        for (i, &other) in images.iter().enumerate() {
+            change += (distances[(i, j)] - distances[(other as usize, image as usize)]).abs();
         }
     }
-    change /= (m * m) as f64;
-    let back = (0..m).map(|i| at(i, image(image(i)))).sum::<f64>() / m as f64;
-    let offset: Vec<f64> = (0..m).map(|i| at(i, image(i))).collect();
-    if change > SYMMETRIC || back > INVOLUTIVE {
-        return Ok(None);
-    }
-    let gram = dense::product(basis.transpose(), basis.as_ref());
-    let right = dense::product(
-        basis.transpose(),
-        Mat::from_fn(m, 1, |i, _| offset[i]).as_ref(),
-    );
-    let coefficients = dense::solve_with_ridge(gram, |_| RIDGE * m as f64, right.as_ref())?;
-    let smooth = dense::product(shape.functions(k), coefficients.as_ref());
-    Ok(Some(
-        smooth.col(0).iter().map(|&s| s.max(0.0) as f32).collect(),
-    ))
+    change < SYMMETRIC * (count * count) as f64 && back < INVOLUTIVE * count as f64
 }

@@ -38,6 +38,10 @@ def read(
                     f"{free / memory.GIGABYTE:.1f} GB are free: close other programs, or make it again"
                 )
             arrays = {name: file[name] for name in file.files}
+        for name, array in arrays.items():
+            # What does not begin like an array is handed out as it is.
+            if not isinstance(array, np.ndarray):
+                raise ValueError(f"{name} is not an array")
     except (FileNotFoundError, NotEnoughMemory):
         raise
     except Exception as error:
