@@ -15,12 +15,11 @@ use crate::progress::Progress;
 use crate::refinement::upsampling;
 use crate::shape::Shape;
 
-/// Mean change of distances up to which a surface's map to itself counts as a symmetry.
-const SYMMETRIC: f64 = 0.04;
+/// Mean change of distances, over the orientation, up to which a surface's map to itself counts as a
+/// symmetry: true ones of posed animals stay below 0.1, shapes with holes or cuts exceed 0.14.
+const SYMMETRIC: f64 = 0.1;
 /// Mean distance between a point and the image of its image up to which it does.
 const INVOLUTIVE: f64 = 0.06;
-/// Orientation beyond which it clearly turns the surface over.
-const REVERSING: f64 = 0.3;
 /// Ridge of the smooth function through the samples' offsets, per sample.
 const RIDGE: f64 = 1e-3;
 
@@ -29,7 +28,7 @@ const RIDGE: f64 = 1e-3;
 /// # Errors
 /// [`Error::Cancelled`].
 pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f32>>> {
-    let Some(map) = reversing_map(shape, progress)? else {
+    let Some((map, orientation)) = reversing_map(shape, progress)? else {
         return Ok(None);
     };
     let k = map.ncols();
@@ -44,7 +43,7 @@ pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f
     for i in 0..samples.len() {
         distances[(i, i)] = 0.0;
     }
-    if !is_symmetry(&images, &distances) {
+    if !is_symmetry(&images, &distances, orientation) {
         return Ok(None);
     }
     // The offsets of the samples, as a smooth function everywhere.
@@ -58,8 +57,8 @@ pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f
     Ok(Some(above_zero.collect()))
 }
 
-/// The best map of a shape to itself that clearly reverses the orientation, `(60, 60)`.
-fn reversing_map(shape: &Shape, progress: &Progress) -> Result<Option<Mat<f64>>> {
+/// The best map of a shape to itself that reverses the orientation, `(60, 60)`, and how clearly it does.
+fn reversing_map(shape: &Shape, progress: &Progress) -> Result<Option<(Mat<f64>, f64)>> {
     let hints = Hints::default();
     let pair = Pair {
         target: shape,
@@ -76,13 +75,12 @@ fn reversing_map(shape: &Shape, progress: &Progress) -> Result<Option<Mat<f64>>>
     };
     candidates
         .first()
-        .filter(|best| best.orientation > REVERSING)
-        .map(|best| upsampling::upsampled(&pair, best))
+        .map(|best| Ok((upsampling::upsampled(&pair, best)?, best.orientation)))
         .transpose()
 }
 
 /// Whether images of points among themselves keep distances and are their own inverse.
-fn is_symmetry(images: &[u32], distances: &Mat<f64>) -> bool {
+fn is_symmetry(images: &[u32], distances: &Mat<f64>, orientation: f64) -> bool {
     let count = images.len();
     let (mut change, mut back) = (0.0, 0.0);
     for (j, &image) in images.iter().enumerate() {
@@ -91,5 +89,5 @@ fn is_symmetry(images: &[u32], distances: &Mat<f64>) -> bool {
             change += (distances[(i, j)] - distances[(other as usize, image as usize)]).abs();
         }
     }
-    change < SYMMETRIC * (count * count) as f64 && back < INVOLUTIVE * count as f64
+    change < SYMMETRIC * orientation * (count * count) as f64 && back < INVOLUTIVE * count as f64
 }
