@@ -78,7 +78,7 @@ impl Laplacian {
                 ..corner
             })
             .collect();
-        // An edge stays undelaunay where flipping it would make a triangle that vanishes in rounding.
+        // An edge is not Delaunay where flipping it would make a triangle that vanishes in rounding.
         let mut made = Self::assemble(mesh.vertices.len(), &corners, 0.0);
         // Mollified sides are longer, at needles by far; the area stays that of the mesh.
         let given: f64 = (0..mesh.faces.len()).map(|f| mesh.face_area(f)).sum();

@@ -491,14 +491,11 @@ pub fn merged(source: &Shape, some: Vec<Hypothesis>, more: Vec<Hypothesis>) -> V
     kept
 }
 
-/// Hypotheses of a pair of which more is known now, best first.
-#[must_use]
-pub fn reordered(pair: &Pair<'_>, mut hypotheses: Vec<Hypothesis>) -> Vec<Hypothesis> {
-    for hypothesis in &mut hypotheses {
+/// Holds the symmetry of both shapes, found since, against hypotheses that were made without it.
+pub fn hold_symmetry_against(pair: &Pair<'_>, hypotheses: &mut [Hypothesis]) {
+    for hypothesis in hypotheses {
         hypothesis.figures.contradiction += off_symmetry(pair, &hypothesis.images);
     }
-    hypotheses.sort_by(|a, b| a.figures.rank().total_cmp(&b.figures.rank()));
-    hypotheses
 }
 
 /// Whether there is a first hypothesis and the rank of every other is far above its.

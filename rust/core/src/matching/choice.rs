@@ -62,7 +62,8 @@ pub(super) fn whole_or_part(
     };
     if offsets.is_some() {
         let more = found_or_none(search(guided, Shares::BOTH, Width::USUAL, (0.25, 0.35)))?;
-        best = selection::merged(pair.source, selection::reordered(guided, best), more);
+        selection::hold_symmetry_against(guided, &mut best);
+        best = selection::merged(pair.source, best, more);
     }
     let whole = best[0].figures;
     if !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
