@@ -336,6 +336,17 @@ def test_a_missing_package_is_named_with_its_extra(meshes, cache, tmp_path, caps
     assert 'distributed is missing: pip install "sgmds[batch]"' in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("module", ["trimesh", "matplotlib"])
+def test_a_package_that_every_pair_needs_is_missed_once_and_at_the_start(
+    meshes, cache, tmp_path, capsys, monkeypatch, module
+):
+    path = everyone(meshes, tmp_path)
+    monkeypatch.setitem(sys.modules, module, None)
+    assert main(["batch", str(path), "--cache", str(cache)]) == 1
+    assert capsys.readouterr().err == f'sgmds: {module} is missing: pip install "sgmds[tools]"\n'
+    assert not path.with_suffix("").exists()
+
+
 def test_no_scheduler_is_one_line(meshes, cache, tmp_path, capsys, monkeypatch):
     from sgmds.batch import scheduler
 
@@ -383,7 +394,15 @@ def test_a_wrong_manifest_is_told_in_words(tmp_path, text, words):
         (tmp_path / f"{name}.off").write_text("OFF")
     with pytest.raises(sgmds.ArgumentError, match=words) as caught:
         read(tmp_path, text)
-    assert "batch.toml" in str(caught.value)
+    assert str(caught.value).count("batch.toml") == 1
+
+
+def test_what_is_no_manifest_is_told_in_words(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(sgmds.ArgumentError, match="^nope.toml: no such file$"):
+        manifest.read("nope.toml")
+    with pytest.raises(sgmds.ArgumentError, match="is a folder"):
+        manifest.read(tmp_path)
 
 
 def test_a_link_does_not_lead_out(tmp_path):

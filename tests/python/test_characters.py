@@ -1,5 +1,7 @@
 """Generated characters: closed bodies whose correspondences are exact."""
 
+import sys
+
 import numpy as np
 import pytest
 from sgmds import characters
@@ -18,6 +20,19 @@ def test_is_one_closed_body_without_handles(kind, build, pose):
     assert (uses == 2).all()
     # Limbs that touch would add a handle.
     assert len(character.vertices) - len(edges) + len(character.faces) == 2
+
+
+@pytest.mark.parametrize(
+    ("module", "work"),
+    [
+        ("skimage", lambda character: characters.make(resolution=100)),
+        ("scipy", lambda character: characters.truth_vertices(character, character)),
+    ],
+)
+def test_a_missing_package_is_named_with_its_extra(slender, monkeypatch, module, work):
+    monkeypatch.setitem(sys.modules, module, None)
+    with pytest.raises(ImportError, match=rf'{module} is missing: pip install "sgmds\[tools\]"'):
+        work(slender)
 
 
 def test_vertices_lie_on_the_surface_and_faces_look_outward(slender):

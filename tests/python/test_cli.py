@@ -36,12 +36,53 @@ def test_failures_are_one_line_and_status_1(files, tmp_path, capsys):
     for arguments in (
         ["match", str(tmp_path / "none.off"), good, "-o", output],
         ["match", good, good, "-o", str(tmp_path / "map.txt")],
+        ["match", good, good, "-o", str(tmp_path / "none" / "map.npz")],
+        ["match", str(tmp_path), good, "-o", output],
         ["match", good, good, "-o", output, "--landmark", "0:99999999"],
         ["evaluate", str(tmp_path / "none")],
     ):
         assert main(arguments) == 1
         lines = capsys.readouterr().err.splitlines()
         assert len(lines) == 1 and lines[0].startswith("sgmds: ")
+
+
+def test_a_map_without_a_folder_is_refused_before_any_work(files, tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(sgmds, "match", None)
+    good, place = str(files / "slender.obj"), tmp_path / "none" / "map.npz"
+    assert main(["match", good, good, "-o", str(place)]) == 1
+    assert f"there is no folder {place.parent}" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("side", [0, 1])
+@pytest.mark.parametrize("metric", ["euclidean", "scale-invariant"])
+def test_a_mesh_that_cannot_be_matched_is_named_by_its_file(files, tmp_path, capsys, side, metric):
+    bad = tmp_path / "triangle.obj"
+    bad.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    meshes = [str(files / "slender.obj")]
+    meshes.insert(side, str(bad))
+    assert main(["match", *meshes, "-o", str(tmp_path / "map.npz"), "--metric", metric]) == 1
+    assert capsys.readouterr().err.startswith(f"sgmds: {bad}: the largest connected part")
+
+
+def test_axes_in_common_are_told_to_the_matcher(files, tmp_path, monkeypatch):
+    told = []
+
+    def noted(*_, **options):
+        told.append(options["same_axes"])
+        raise sgmds.Cancelled
+
+    monkeypatch.setattr(sgmds, "match", noted)
+    good = str(files / "slender.obj")
+    for more in ([], ["--same-axes"]):
+        assert main(["match", good, good, "-o", str(tmp_path / "map.npz"), *more]) == 130
+    assert told == [False, True]
+
+
+def test_version(capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(["--version"])
+    assert caught.value.code == 0
+    assert capsys.readouterr().out == f"sgmds {sgmds.__version__}\n"
 
 
 @pytest.mark.parametrize(

@@ -2,6 +2,7 @@
 
 import gzip
 import struct
+import sys
 
 import numpy as np
 import pytest
@@ -89,7 +90,7 @@ def test_glb(tmp_path):
         ("a.xyz", b"", "unknown kind"),
         ("a.off", b"", "cannot be read|no vertices"),
         ("a.off", b"OFF\n0 0 0\n", "cannot be read|no vertices"),
-        ("a.off", b"OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "no faces"),
+        ("a.off", b"OFF\n3 0 0\n0 0 0\n1 0 0\n0 1 0\n", "no faces: export"),
         ("a.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "outside|cannot be read"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "triangle 0 names a vertex outside"),
         ("a.obj", b"v 0 0\nf 1 2 3\n", "line 1"),
@@ -108,6 +109,19 @@ def test_bad_files_name_file_and_reason(tmp_path, name, data, reason):
 def test_missing_file(tmp_path):
     with pytest.raises(MeshError, match="No such file"):
         read_mesh(tmp_path / "none.off")
+
+
+def test_a_folder_is_no_mesh(tmp_path):
+    with pytest.raises(MeshError, match="is a folder; name one mesh file"):
+        read_mesh(tmp_path)
+
+
+def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
+    path = tmp_path / "square.off"
+    path.write_text(TEXTS["plain.off"])
+    monkeypatch.setitem(sys.modules, "trimesh", None)
+    with pytest.raises(MeshError, match=r'trimesh is missing: pip install "sgmds\[tools\]"'):
+        read_mesh(path)
 
 
 def test_a_polygon_that_crosses_itself_has_its_triangles():

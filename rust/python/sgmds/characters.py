@@ -14,6 +14,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from . import extras
+
 BLEND = 0.022
 """Softness of the union of capsules, in body lengths: about the radius of the fillet at a joint."""
 OWN_SHARE = 0.8
@@ -350,6 +352,7 @@ def truth(a: Character, b: Character) -> tuple[np.ndarray, np.ndarray]:
 
 def truth_vertices(a: Character, b: Character) -> tuple[np.ndarray, np.ndarray]:
     """As `truth`, but with the nearest vertex of `b` instead of the exact point."""
+    extras.require("scipy")
     from scipy.spatial import cKDTree
 
     ids, points = truth(a, b)
@@ -399,6 +402,7 @@ def _mesh(body: Body, resolution: int, seed: int) -> tuple[np.ndarray, np.ndarra
 
 def _march(body: Body, spacing: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
     """Isosurface on a grid turned and shifted by `seed`."""
+    extras.require("skimage")
     from skimage.measure import marching_cubes
 
     random = np.random.default_rng(seed)

@@ -8,6 +8,7 @@ import json
 import sys
 from pathlib import Path
 
+from . import __version__, extras
 from .matching import METHODS, PARTS
 from .shape import METRICS
 
@@ -24,9 +25,7 @@ def main(arguments: list[str] | None = None) -> int:
         print("cancelled", file=sys.stderr)
         return CANCELLED
     except ImportError as error:
-        missing = f"{error.name} is missing" if error.name else str(error)
-        extra = "batch" if error.name == "distributed" else "tools"
-        return _fail(f'{missing}: pip install "sgmds[{extra}]"')
+        return _fail(extras.missing(error.name) if error.name else str(error))
     except (sgmds.SgmdsError, OSError) as error:
         return _fail(str(error))
 
@@ -38,6 +37,7 @@ def _fail(reason: str) -> int:
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(prog="sgmds", description="Dense maps between deformable surfaces.")
+    parser.add_argument("--version", action="version", version=f"sgmds {__version__}")
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
 
     match = commands.add_parser("match", help="match two mesh files", description=_match.__doc__)
@@ -53,6 +53,11 @@ def _parser() -> argparse.ArgumentParser:
         "--part", choices=("source", "target"), help="which of the two is only a part of the other"
     )
     match.add_argument("--mirror", choices=("forbid", "allow"), default="forbid")
+    match.add_argument(
+        "--same-axes",
+        action="store_true",
+        help="left, front and up are the same directions on both: for a body that is its own mirror image",
+    )
     match.add_argument(
         "--metric", choices=METRICS, default="euclidean", help="how lengths on both surfaces are measured"
     )
@@ -201,23 +206,41 @@ def _match(options) -> int:
 
     if options.output.suffix != ".npz":
         return _fail(f"{options.output}: the map is saved as .npz; please name it so")
+    if not options.output.parent.is_dir():
+        return _fail(f"{options.output}: there is no folder {options.output.parent}; please make it first")
     meshes: list = [read_mesh(options.source), read_mesh(options.target)]
-    with _ProgressBar() as progress:
-        shapes = meshes
-        if options.metric != "euclidean":
-            shapes = [sgmds.Shape(*mesh, metric=options.metric, progress=progress) for mesh in meshes]
-        corr = sgmds.match(
-            *shapes,
-            method=options.method,
-            landmarks=options.landmark,
-            progress=progress,
-            **_given(options, "part", "mirror", "threads", "seed"),
-        )
+    try:
+        with _ProgressBar() as progress:
+            shapes = meshes
+            if options.metric != "euclidean":
+                shapes = [sgmds.Shape(*mesh, metric=options.metric, progress=progress) for mesh in meshes]
+            corr = sgmds.match(
+                *shapes,
+                method=options.method,
+                landmarks=options.landmark,
+                same_axes=options.same_axes,
+                progress=progress,
+                **_given(options, "part", "mirror", "threads", "seed"),
+            )
+    except sgmds.MeshError as error:
+        path = options.target if _usable(meshes[0]) else options.source
+        return _fail(f"{path}: {error}")
     corr.save(options.output)
     print(f"{options.output}: {len(corr.vertices)} vertices, {corr.quality.grade}")
     for reason in corr.quality.reasons:
         print(f"  {reason}")
     return 0
+
+
+def _usable(mesh) -> bool:
+    """Whether the core takes a mesh: its errors do not say which of two they are about."""
+    from . import MeshError, _core
+
+    try:
+        _core.checked_size(*mesh)
+    except MeshError:
+        return False
+    return True
 
 
 def _evaluate(options) -> int:

@@ -14,6 +14,8 @@ from typing import Any
 
 import numpy as np
 
+from . import extras
+
 FORMATS = ("obj", "off", "ply", "stl", "glb")
 GZIPPED = ("off", "obj", "ply")
 # How often corners of a polygon that were no ears are looked at again; a polygon that does not cross itself
@@ -50,6 +52,8 @@ def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
     """
     from sgmds import MeshError
 
+    if Path(path).is_dir():
+        raise MeshError(f"{path}: is a folder; name one mesh file, or use `sgmds batch`")
     kind = mesh_format(path)
     if not kind:
         known = ", ".join("." + f for f in FORMATS) + ", " + ", ".join(f".{f}.gz" for f in GZIPPED)
@@ -68,9 +72,9 @@ def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
         # Readers fail in many ways on damaged files; each of them is the file's fault.
         raise MeshError(f"{path}: cannot be read as {kind.split('.')[0].upper()}: {error}") from error
     if len(vertices) == 0:
-        raise MeshError(f"{path}: has no vertices")
+        raise MeshError(f"{path}: has no vertices: export the mesh again")
     if len(faces) == 0:
-        raise MeshError(f"{path}: has no faces")
+        raise MeshError(f"{path}: has no faces: export the surface, not its points alone")
     if faces.min() < 0 or faces.max() >= len(vertices):
         bad = int(np.argmax(((faces < 0) | (faces >= len(vertices))).any(axis=1)))
         raise MeshError(
@@ -184,10 +188,8 @@ def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
 
 
 def _through_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
-    try:
-        import trimesh
-    except ImportError as error:
-        raise ImportError('reading it needs trimesh: pip install "sgmds[tools]"') from error
+    extras.require("trimesh")
+    import trimesh
 
     mesh: Any = trimesh.load(
         io.BytesIO(data), file_type=kind, force="mesh", process=False, maintain_order=True

@@ -98,18 +98,23 @@ class Batch:
 
 
 def read_toml(path) -> dict:
-    """A TOML file, or `ArgumentError` naming it and the place that is wrong."""
+    """A TOML file, or `ArgumentError` saying what is wrong with it; the caller names the file."""
+    path = Path(path)
+    if path.is_dir():
+        raise ArgumentError("is a folder; name one manifest, a TOML file")
+    if not path.exists():
+        raise ArgumentError("no such file")
     try:
-        return tomllib.loads(Path(path).read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise ArgumentError(f"{path}: not a TOML file: {error}") from error
+        raise ArgumentError(f"not a TOML file: {error}") from error
 
 
 def within(folder: Path, name: str | Path, anywhere: bool) -> Path:
     """`name` in `folder` (absolute); a name that leads out of it is refused unless `anywhere`."""
     path = folder / name
     if not anywhere and not path.resolve().is_relative_to(folder.resolve()):
-        raise ArgumentError(f"'{name}' leads out of {folder}: choose a place in it, or allow any place")
+        raise ArgumentError(f"'{name}' leads out of {folder}: choose a place in it, or give --anywhere")
     return path
 
 
@@ -151,8 +156,8 @@ def read(path, output=None, anywhere=False) -> Batch:
     ArgumentError
         Naming the manifest, what in it is wrong and what to do.
     """
-    path = Path(path).absolute()
-    home = path.parent
+    path = Path(path)
+    home = path.absolute().parent
     try:
         table = read_toml(path)
         check_keys(table, TOP, "the manifest")

@@ -10,8 +10,10 @@ from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
 
+from .. import extras
 from ..cache import LIMIT_BYTES
 from ..errors import ArgumentError, SgmdsError
+from ..files import mesh_format
 from ..locks import try_lock
 from . import journal, manifest, processes, report, scheduler, work
 
@@ -65,10 +67,13 @@ def run(
 
     Raises
     ------
-    ArgumentError, SgmdsError, OSError
+    ArgumentError, SgmdsError, OSError, ImportError
         When the batch cannot be begun or gone on with. A pair that fails is in the report instead.
     """
     batch = manifest.read(path, output, anywhere)
+    # What every pair, or the report after all of them, would fail for.
+    formats = {mesh_format(shape.path).removesuffix(".gz") for shape in batch.shapes}
+    extras.require("matplotlib", *(["trimesh"] if formats - {"obj"} else []))
     with _claimed(batch.folder):
         if journal.exists(batch.folder) and not resume:
             if not overwrite:
