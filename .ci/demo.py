@@ -41,6 +41,7 @@ def main() -> int:
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     addon.register()
 
+    print("making two characters …", flush=True)
     slender = characters.make("biped", build="slender", pose="wave", resolution=5000, seed=0)
     stout = characters.make("biped", build="stout", pose="walk", resolution=7000, seed=1)
     source, target = _new_object("Slender", slender, -SIDE_STEP), _new_object("Stout", stout, SIDE_STEP)
