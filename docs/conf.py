@@ -1,4 +1,4 @@
-"""Settings of the documentation site: `just -f .ci/justfile docs` builds it into build/docs."""
+"""Settings of the documentation site: `.venv/bin/just -f .ci/justfile docs` builds it into build/docs."""
 
 import re
 import sys
