@@ -19,8 +19,10 @@ pub const UV_ROUNDING: f64 = 1e-5;
 /// each has found its own place for a corner beyond a seam.
 const AGREEMENT: f64 = 0.25;
 
-/// Side of the grid on which overlaps are counted.
+/// Side of the grid on which overlaps are counted, and how often over all its texels may be looked at:
+/// where triangles lie over one another more than that, a coarser grid shows it as well.
 const OVERLAP_GRID: usize = 1024;
+const OVERLAP_LAYERS: f64 = 16.0;
 
 /// A UV map on the target.
 #[derive(Debug)]
@@ -225,20 +227,31 @@ fn singular_values(corner: &[Point; 3], uv: &[[f64; 2]; 3], unit: f64) -> Option
 
 /// Share of covered texels that are covered twice; a texel is covered where its centre is.
 fn overlap(uv: &[[[f64; 2]; 3]]) -> f64 {
-    let side = OVERLAP_GRID as f64;
-    let mut counts = vec![0u8; OVERLAP_GRID * OVERLAP_GRID];
+    let layers: f64 = uv.iter().map(looked_at).sum();
+    let coarser = (OVERLAP_LAYERS / layers.max(OVERLAP_LAYERS)).sqrt();
+    let grid = (OVERLAP_GRID as f64 * coarser).ceil() as usize;
+    let mut counts = vec![0u8; grid * grid];
     for triangle in uv {
-        let grid = 0..OVERLAP_GRID as i64;
-        let texels = triangle.map(|c| [c[0] * side, c[1] * side]);
+        let range = 0..grid as i64;
+        let texels = triangle.map(|c| c.map(|x| x * grid as f64));
         // Tiles beyond the unit square lie apart: they are not counted.
-        scan_rows(texels, grid.clone(), grid, |x, y, _| {
-            let count = &mut counts[y as usize * OVERLAP_GRID + x as usize];
+        scan_rows(texels, range.clone(), range, |x, y, _| {
+            let count = &mut counts[y as usize * grid + x as usize];
             *count = count.saturating_add(1);
         });
     }
     let covered = counts.iter().filter(|&&c| c > 0).count();
     let twice = counts.iter().filter(|&&c| c > 1).count();
     twice as f64 / covered.max(1) as f64
+}
+
+/// Area of the part of the unit square that is looked at for a triangle: its bounds.
+fn looked_at(triangle: &[[f64; 2]; 3]) -> f64 {
+    let length = |k: usize| {
+        let at = triangle.map(|corner| corner[k].clamp(0.0, 1.0));
+        at[0].max(at[1]).max(at[2]) - at[0].min(at[1]).min(at[2])
+    };
+    length(0) * length(1)
 }
 
 /// Visits the pixels of some rows and columns whose centres lie in a triangle, with the weights of
@@ -315,6 +328,16 @@ mod tests {
             assert_eq!(counts.iter().flatten().sum::<i32>(), 64);
             assert!(counts.iter().flatten().all(|&n| n <= 1));
         }
+    }
+
+    #[test]
+    fn overlap_is_counted_whatever_lies_over_one_another() {
+        let half = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]];
+        let other = [[1.0, 0.0], [1.0, 1.0], [0.0, 1.0]];
+        assert_eq!(overlap(&[half, other]), 0.0);
+        assert_eq!(overlap(&[half, half]), 1.0);
+        // Every face on the whole square, as a new layout has it.
+        assert_eq!(overlap(&vec![half; 300_000]), 1.0);
     }
 
     /// A band of squares two to a unit, cut into triangles; `shift` moves its inner columns.
