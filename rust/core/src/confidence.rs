@@ -12,11 +12,11 @@ use crate::vector::{self, Point};
 
 /// Samples whose distances are compared.
 const WITNESSES: usize = 80;
-/// Reach of a sample at unit area, and the distance from which on it says nothing: its weight is e⁻⁹.
-const REACH: f32 = 0.25;
+/// Distance at unit area from which on a sample says nothing; its weight (1 − d²/h²)⁹ has fallen to 1/e at
+/// a third of that.
 const HORIZON: f32 = 0.75;
 /// Keeps the weights' sum above zero.
-const WEIGHT_FLOOR: f64 = 1e-6;
+const WEIGHT_FLOOR: f32 = 1e-6;
 /// Vertices that are treated at once.
 const VERTICES_A_PIECE: usize = 512;
 /// Doubt at which confidence falls to 1/e: half of it is left at 0.067, which separates best
@@ -95,17 +95,21 @@ pub fn local_distortion(
             let mut sums = vec![(0.0, WEIGHT_FLOOR); images.len()];
             for j in 0..count {
                 let here = &target.fields.col_as_slice(j)[from..];
-                let there = on_source.col_as_slice(j);
-                for (((sum, total), &here), &image) in sums.iter_mut().zip(here).zip(images) {
-                    if here < HORIZON {
-                        let change = f64::from((here - there[image as usize].min(HORIZON)).abs());
-                        let weight = f64::from(-(here / REACH).powi(2)).exp();
-                        *sum += weight * change;
-                        *total += weight;
-                    }
-                }
+                add_changes(&mut sums, here, on_source.col_as_slice(j), images);
             }
-            sums.into_iter().map(|(sum, total)| sum / total)
+            sums.into_iter().map(|(sum, total)| f64::from(sum / total))
         })
         .collect())
+}
+
+/// Adds one sample's weighted change of distance, and its weight, to the sums of each vertex.
+fn add_changes(sums: &mut [(f32, f32)], here: &[f32], there: &[f32], images: &[u32]) {
+    for (((sum, total), &here), &image) in sums.iter_mut().zip(here).zip(images) {
+        let here = here.min(HORIZON);
+        let change = (here - there[image as usize].min(HORIZON)).abs();
+        let nearness = 1.0 - (here / HORIZON).powi(2);
+        let weight = nearness.powi(8) * nearness;
+        *sum += weight * change;
+        *total += weight;
+    }
 }

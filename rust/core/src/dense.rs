@@ -1,6 +1,7 @@
 //! Small dense algebra in a fixed order of operations, so that results do not depend on threads.
 
 use faer::linalg::matmul::matmul;
+use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::solvers::Solve;
 use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 
@@ -19,7 +20,7 @@ pub fn add_product(out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>)
     matmul(out, Accum::Add, a, b, 1.0, Par::Seq);
 }
 
-/// Solves (G + diag(ridge)) X = B for symmetric positive definite G.
+/// Solves (G + diag(ridge)) X = B for symmetric positive definite G, of which the lower half is read.
 ///
 /// # Errors
 /// [`Error::NotFactorised`] when the sum is not positive definite.
@@ -76,6 +77,24 @@ pub fn sum_of_products(a: &Rows, b: &Rows) -> Mat<f64> {
     Mat::from_fn(a.dims, b.dims, |i, j| f64::from(sum[(i, j)]))
 }
 
+/// Σ aᵢaᵢᵀ over the rows, `(a.dims, a.dims)`, summed in single precision; only the lower half.
+#[must_use]
+pub fn gram(a: &Rows) -> Mat<f64> {
+    let mut sum = Mat::<f32>::zeros(a.dims, a.dims);
+    triangular::matmul(
+        sum.as_mut(),
+        BlockStructure::TriangularLower,
+        Accum::Replace,
+        a.as_columns(),
+        BlockStructure::Rectangular,
+        a.as_columns().transpose(),
+        BlockStructure::Rectangular,
+        1.0,
+        Par::Seq,
+    );
+    Mat::from_fn(a.dims, a.dims, |i, j| f64::from(sum[(i, j)]))
+}
+
 /// Points in a feature space, one contiguous single-precision row a point.
 #[derive(Debug, Clone)]
 pub struct Rows {
@@ -93,6 +112,12 @@ impl Rows {
             dims,
             data: vec![0.0; count * dims],
         }
+    }
+
+    /// Makes room for other points, whose coordinates are then to be written.
+    pub fn resize(&mut self, count: usize, dims: usize) {
+        self.dims = dims;
+        self.data.resize(count * dims, 0.0);
     }
 
     /// How many points there are.

@@ -380,7 +380,8 @@ fn scale_rows(mut x: MatMut<'_, f64>, factors: &[f64]) {
 }
 
 fn largest_column(x: MatRef<'_, f64>) -> f64 {
-    x.col_iter().map(|c| c.norm_l2()).fold(0.0, f64::max)
+    let square = |c: ColRef<'_, f64>| c.iter().map(|x| x * x).sum::<f64>();
+    x.col_iter().map(square).fold(0.0, f64::max).sqrt()
 }
 
 /// Uniform in [−½, ½): the finaliser of splitmix64 (Steele, Lea, Flood 2014).

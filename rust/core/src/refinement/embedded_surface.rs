@@ -100,6 +100,8 @@ pub struct Side<'a> {
     extrinsic: bool,
     /// Where landmarks ask, as (number of the asking vertex, image).
     known: Vec<(u32, u32)>,
+    /// √w times this shape's first eigenfunctions at the asking vertices, as many as in the last step.
+    own: Rows,
     /// Embedding of every vertex in the last step.
     pub rows: Rows,
 }
@@ -211,6 +213,7 @@ impl<'a> Side<'a> {
             extrinsic: pair.uses(Part::Extrinsic),
             known,
             smoothed: Mat::zeros(0, 3),
+            own: Rows::zeros(0, 1),
             rows: Rows::zeros(0, 1),
             shape,
         }
@@ -237,19 +240,28 @@ impl<'a> Side<'a> {
         })
     }
 
-    /// √w times k eigenfunctions of a shape at the given vertices.
-    fn gathered(&self, shape: &Shape, k: usize, vertices: &[u32]) -> Rows {
-        shape.rows.gather_weighted(vertices, &self.weights, k)
+    /// Prepares the fits with k eigenfunctions.
+    fn weigh(&mut self, k: usize) {
+        if self.own.dims != k {
+            let functions = &self.shape.rows;
+            self.own = functions.gather_weighted(&self.asking, &self.weights, k);
+        }
     }
 
-    /// Gram matrix of this shape's own eigenfunctions, `own`, at the asking vertices.
-    fn own_gram(&self, own: &Rows) -> Mat<f64> {
+    /// √w times k eigenfunctions of the other shape at the images.
+    fn at_images(&self, other: &Side<'_>, k: usize) -> Rows {
+        let functions = &other.shape.rows;
+        functions.gather_weighted(&self.images.vertex, &self.weights, k)
+    }
+
+    /// Gram matrix of this shape's own eigenfunctions at the asking vertices.
+    fn own_gram(&self) -> Mat<f64> {
         if self.asking.len() < self.shape.mesh.vertices.len() {
-            return dense::sum_of_products(own, own);
+            return dense::gram(&self.own);
         }
         // All ask, weighted by their areas: orthonormal.
-        let share: f64 = self.weights.iter().sum();
-        Mat::from_fn(own.dims, own.dims, |i, j| if i == j { share } else { 0.0 })
+        let (k, share) = (self.own.dims, self.weights.iter().sum::<f64>());
+        Mat::from_fn(k, k, |i, j| if i == j { share } else { 0.0 })
     }
 
     /// \[Φ, or Φ·`matrix`, / (√π k), surface, weighted normals, looks, landmarks\]: in the first two a
@@ -268,7 +280,8 @@ impl<'a> Side<'a> {
         let sign = weights.normals * self.shape.volume_sign;
         let looks = self.shape.descriptors.detail.ncols();
         let dims = k + 6 + self.fixed.ncols();
-        let mut rows = Rows::zeros(n, dims);
+        let rows = &mut self.rows;
+        rows.resize(n, dims);
         let functions = &self.shape.rows;
         if let Some(matrix) = matrix {
             let transposed = Mat::from_fn(k, matrix.nrows(), |i, j| matrix[(j, i)] as f32);
@@ -289,16 +302,16 @@ impl<'a> Side<'a> {
         }
         for i in 0..n {
             let row = &mut rows.row_mut(i)[k..];
-            for c in 0..if self.extrinsic { 3 } else { 0 } {
-                row[c] = positions[i][c] as f32;
-                row[3 + c] = (sign * normals[i][c]) as f32;
+            let shown = if self.extrinsic { 1.0 } else { 0.0 };
+            for c in 0..3 {
+                row[c] = (shown * positions[i][c]) as f32;
+                row[3 + c] = (shown * sign * normals[i][c]) as f32;
             }
             for (c, out) in row[6..].iter_mut().enumerate() {
                 let weight = if c < looks { weights.looks } else { 1.0 };
                 *out = weight * self.fixed[(i, c)];
             }
         }
-        self.rows = rows;
     }
 }
 
@@ -351,7 +364,11 @@ impl<'a> Refined<'a> {
         check()?;
         self.target.low_pass(k);
         self.source.low_pass(k);
-        let (deformed, matrix) = rayon::join(|| self.displaced(k, check), || self.mapped(k, check));
+        let at_images = self.at_images(k);
+        let (deformed, matrix) = rayon::join(
+            || self.displaced(&at_images, check),
+            || self.mapped(&at_images, check),
+        );
         self.deformed = deformed?;
         self.matrix = matrix?;
         let smoothed = self.source.smoothed.clone();
@@ -374,9 +391,10 @@ impl<'a> Refined<'a> {
         let mut surface = RigidSurface::new(&target.vertices, &target.faces, start);
         for step in 0..steps {
             let check = || report(step);
+            let at_images = self.at_images(k);
             let (drawn, matrix) = rayon::join(
                 || surface.drawn_to(&self.pulls(), &check),
-                || self.mapped(k, &check),
+                || self.mapped(&at_images, &check),
             );
             drawn?;
             self.matrix = matrix?;
@@ -460,43 +478,46 @@ impl<'a> Refined<'a> {
         Ok(())
     }
 
-    /// Low-passed target plus the smooth displacement that brings it onto the source.
-    fn displaced(&self, k: usize, check: Check<'_>) -> Result<Mat<f64>> {
+    /// √w times k eigenfunctions at the images of target and source, for the fits.
+    fn at_images(&mut self, k: usize) -> [Rows; 2] {
+        self.target.weigh(k);
+        self.source.weigh(k);
         let (t, s) = (&self.target, &self.source);
-        let own = t.gathered(t.shape, k, &t.asking);
-        let answered = s.gathered(t.shape, k, &s.images.vertex);
+        let (on_source, on_target) = rayon::join(|| t.at_images(s, k), || s.at_images(t, k));
+        [on_source, on_target]
+    }
+
+    /// Low-passed target plus the smooth displacement that brings it onto the source.
+    fn displaced(&self, [_, answered]: &[Rows; 2], check: Check<'_>) -> Result<Mat<f64>> {
+        let (t, s) = (&self.target, &self.source);
         let own_shift = &t.weighted_rows(s.smoothed.as_ref(), &t.images.vertex)
             - &t.weighted_rows(t.smoothed.as_ref(), &t.asking);
         let answered_shift = &s.weighted_rows(s.smoothed.as_ref(), &s.asking)
             - &s.weighted_rows(t.smoothed.as_ref(), &s.images.vertex);
         check()?;
-        let gram = &t.own_gram(&own) + &dense::sum_of_products(&answered, &answered);
+        let gram = &t.own_gram() + &dense::gram(answered);
         check()?;
-        let right = &dense::sum_of_products(&own, &Rows::from_matrix(own_shift.as_ref(), 3))
-            + &dense::sum_of_products(&answered, &Rows::from_matrix(answered_shift.as_ref(), 3));
+        let right = &dense::sum_of_products(&t.own, &Rows::from_matrix(own_shift.as_ref(), 3))
+            + &dense::sum_of_products(answered, &Rows::from_matrix(answered_shift.as_ref(), 3));
         let values = &t.shape.basis.values;
         let scale = DISPLACEMENT_RIDGE / values[SMOOTHNESS_PAIR.min(values.len() - 1)];
         let shift = dense::solve_with_ridge(gram, |i| scale * values[i] + 1e-12, right.as_ref())?;
         let mut deformed = t.smoothed.clone();
-        dense::add_product(deformed.as_mut(), t.basis(k), shift.as_ref());
+        dense::add_product(deformed.as_mut(), t.basis(t.own.dims), shift.as_ref());
         Ok(deformed)
     }
 
-    /// Bijective least squares for the map at k.
-    fn mapped(&self, k: usize, check: Check<'_>) -> Result<Mat<f64>> {
+    /// Bijective least squares for the map.
+    fn mapped(&self, [asked, answered]: &[Rows; 2], check: Check<'_>) -> Result<Mat<f64>> {
         let (t, s) = (&self.target, &self.source);
-        let asked = t.gathered(t.shape, k, &t.asking);
-        let asked_images = t.gathered(s.shape, k, &t.images.vertex);
-        let answered = s.gathered(s.shape, k, &s.asking);
-        let answered_images = s.gathered(t.shape, k, &s.images.vertex);
         check()?;
-        let asked_gram = dense::sum_of_products(&asked_images, &asked_images);
+        let asked_gram = dense::gram(asked);
         check()?;
-        let gram = &asked_gram + &s.own_gram(&answered);
+        let gram = &asked_gram + &s.own_gram();
         check()?;
-        let asked_right = dense::sum_of_products(&asked_images, &asked);
+        let asked_right = dense::sum_of_products(asked, &t.own);
         check()?;
-        let right = &asked_right + &dense::sum_of_products(&answered, &answered_images);
+        let right = &asked_right + &dense::sum_of_products(&s.own, answered);
         dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())
     }
 
