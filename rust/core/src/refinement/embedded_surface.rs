@@ -27,23 +27,43 @@ use crate::refinement::rigid_surface::RigidSurface;
 use crate::shape::Shape;
 use crate::vector::{self, Point};
 
-/// Weights in the embedding beside positions; insensitive within a factor of three.
+/// Weights in the embedding beside the spectrum; insensitive within a factor of three.
 #[derive(Debug, Clone, Copy)]
 struct Weights {
+    positions: f64,
     normals: f64,
     looks: f32,
 }
 
 /// With low-passed surfaces.
 const LOW_PASSED: Weights = Weights {
+    positions: 1.0,
     normals: 0.04,
     looks: 1.0,
 };
 /// With whole surfaces, whose normals are rougher and whose positions say more.
 const WHOLE: Weights = Weights {
+    positions: 1.0,
     normals: 0.02,
     looks: 0.6,
 };
+/// With surfaces that coincide, where the nearest point is the image; normals tell the sides of what is
+/// thin.
+const COINCIDING: Weights = Weights {
+    positions: 20.0,
+    normals: 0.1,
+    looks: 0.0,
+};
+/// Root mean square distance between matched points of surfaces that are moved onto each other, above
+/// which they are in other poses: maps are right to 0.02.
+const SAME_POSE: f64 = 0.05;
+/// Surfaces coincide when all but [`STRAY`] of the target's vertices lie this near to the tangent plane at
+/// their image: the nearest point is then as good an image as a map that is right to so much.
+const COINCIDENT: f64 = 0.015;
+/// Share of the vertices that may lie farther away.
+const STRAY: f64 = 0.03;
+/// Times that coinciding surfaces are moved onto each other.
+const MOVES: usize = 6;
 /// Ridge of the displacement fit, relative to Λ/λ₂₀.
 const DISPLACEMENT_RIDGE: f64 = 2e-4;
 /// Ridge of the map fit.
@@ -113,7 +133,7 @@ pub struct Refined<'a> {
     pub target: Side<'a>,
     /// The shape that stays.
     pub source: Side<'a>,
-    /// Deformed low-passed target, `(n, 3)`.
+    /// Target as it lies on the source in the last step, `(n, 3)`.
     pub deformed: Mat<f64>,
     /// `(k, k)` map of the last step, target coefficients → source coefficients.
     pub matrix: Mat<f64>,
@@ -145,8 +165,23 @@ pub fn refined<'a>(
         state.settle_whole_surface(schedule.rigid_steps, &|step| {
             report((schedule.sizes.len() + step) as f64 / steps)
         })?;
+        state.settle_coinciding(&|| report(1.0))?;
     }
     Ok(state)
+}
+
+/// x ↦ s·R·x + t, the columns of s·R and t.
+struct Similarity {
+    turned: [Point; 3],
+    shift: Point,
+}
+
+impl Similarity {
+    fn of(&self, p: Point) -> Point {
+        (0..3).fold(self.shift, |sum, j| {
+            vector::add(sum, vector::scaled(self.turned[j], p[j]))
+        })
+    }
 }
 
 impl<'a> Side<'a> {
@@ -304,7 +339,7 @@ impl<'a> Side<'a> {
             let row = &mut rows.row_mut(i)[k..];
             let shown = if self.extrinsic { 1.0 } else { 0.0 };
             for c in 0..3 {
-                row[c] = (shown * positions[i][c]) as f32;
+                row[c] = (shown * weights.positions * positions[i][c]) as f32;
                 row[3 + c] = (shown * sign * normals[i][c]) as f32;
             }
             for (c, out) in row[6..].iter_mut().enumerate() {
@@ -413,6 +448,11 @@ impl<'a> Refined<'a> {
         check: Check<'_>,
     ) -> Result<()> {
         check()?;
+        self.write_rows(source_surface, weights);
+        self.find_images(SWEEPS, check)
+    }
+
+    fn write_rows(&mut self, source_surface: MatRef<'_, f64>, weights: Weights) {
         let (target, source) = (&mut self.target, &mut self.source);
         let (deformed, matrix) = (self.deformed.as_ref(), self.matrix.as_ref());
         let k = matrix.ncols();
@@ -420,7 +460,6 @@ impl<'a> Refined<'a> {
             || target.embed(k, None, deformed, weights),
             || source.embed(k, Some(matrix), source_surface, weights),
         );
-        self.find_images(SWEEPS, check)
     }
 
     /// Where on the source both maps see each target vertex, with the weight of that.
@@ -522,22 +561,28 @@ impl<'a> Refined<'a> {
     }
 
     /// Rotates and moves the target's coordinates so that matched points come together.
+    fn rotate_target_onto_source(&mut self) -> Result<()> {
+        let Similarity { turned, shift } = self.similarity(false)?;
+        // A constant is √area = 1 times the first eigenfunction.
+        let rotation = Mat::from_fn(3, 3, |i, j| turned[j][i]);
+        let mut coordinates =
+            dense::product(self.target.coordinates.as_ref(), rotation.transpose());
+        for i in 0..3 {
+            coordinates[(0, i)] += shift[i];
+        }
+        self.target.coordinates = coordinates;
+        Ok(())
+    }
+
+    /// The motion, if asked with a scale, that brings the target's points to their matches.
     ///
     /// # Source
-    /// Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976.
-    fn rotate_target_onto_source(&mut self) -> Result<()> {
-        let (t, s) = (&self.target, &self.source);
-        let at = |side: &Side, v: u32| side.shape.mesh.vertices[v as usize];
-        let pairs = || {
-            let asked = (0..t.asking.len())
-                .map(|i| (t.weights[i], at(t, t.asking[i]), at(s, t.images.vertex[i])));
-            let answered = (0..s.asking.len())
-                .map(|i| (s.weights[i], at(t, s.images.vertex[i]), at(s, s.asking[i])));
-            asked.chain(answered)
-        };
+    /// Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976; the scale as in
+    /// Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
+    fn similarity(&self, scaled: bool) -> Result<Similarity> {
         let mut total = 0.0;
         let (mut mean_t, mut mean_s) = ([0.0; 3], [0.0; 3]);
-        for (w, p, q) in pairs() {
+        for (w, p, q) in self.matched() {
             total += w;
             mean_t = vector::add(mean_t, vector::scaled(p, w));
             mean_s = vector::add(mean_s, vector::scaled(q, w));
@@ -547,8 +592,10 @@ impl<'a> Refined<'a> {
             vector::scaled(mean_s, 1.0 / total),
         );
         let mut covariance = Mat::<f64>::zeros(3, 3);
-        for (w, p, q) in pairs() {
+        let mut spread = 0.0;
+        for (w, p, q) in self.matched() {
             let (p, q) = (vector::sub(p, mean_t), vector::sub(q, mean_s));
+            spread += w * vector::dot(p, p);
             for i in 0..3 {
                 for j in 0..3 {
                     covariance[(i, j)] += w * q[i] * p[j];
@@ -560,20 +607,80 @@ impl<'a> Refined<'a> {
         })?;
         let (u, v) = (svd.U(), svd.V());
         let proper = (determinant(u) * determinant(v)).signum();
-        let rotation = Mat::<f64>::from_fn(3, 3, |i, j| {
-            (0..3)
-                .map(|c| u[(i, c)] * v[(j, c)] * if c == 2 { proper } else { 1.0 })
-                .sum::<f64>()
+        let sign = |c: usize| if c == 2 { proper } else { 1.0 };
+        let stretched: f64 = (0..3).map(|c| sign(c) * svd.S()[c]).sum();
+        let scale = if scaled { stretched / spread } else { 1.0 };
+        let turned = [0, 1, 2].map(|j| {
+            [0, 1, 2].map(|i| {
+                let entry: f64 = (0..3).map(|c| u[(i, c)] * v[(j, c)] * sign(c)).sum();
+                scale * entry
+            })
         });
-        // A constant is √area = 1 times the first eigenfunction.
-        let mut coordinates =
-            dense::product(self.target.coordinates.as_ref(), rotation.transpose());
-        for i in 0..3 {
-            let turned: f64 = (0..3).map(|j| rotation[(i, j)] * mean_t[j]).sum();
-            coordinates[(0, i)] += mean_s[i] - turned;
+        let about_origin = Similarity {
+            turned,
+            shift: [0.0; 3],
+        };
+        Ok(Similarity {
+            shift: vector::sub(mean_s, about_origin.of(mean_t)),
+            turned,
+        })
+    }
+
+    /// Weight, target point and source point of all matches, both ways.
+    fn matched(&self) -> impl Iterator<Item = (f64, Point, Point)> + '_ {
+        let (t, s) = (&self.target, &self.source);
+        let at = |side: &Side, v: u32| side.shape.mesh.vertices[v as usize];
+        let asked = (0..t.asking.len())
+            .map(move |i| (t.weights[i], at(t, t.asking[i]), at(s, t.images.vertex[i])));
+        let answered = (0..s.asking.len())
+            .map(move |i| (s.weights[i], at(t, s.images.vertex[i]), at(s, s.asking[i])));
+        asked.chain(answered)
+    }
+
+    /// Two meshes of one shape in one pose, however placed, are moved onto each other, and the nearest
+    /// point there is the image. Changes nothing where the surfaces do not coincide.
+    ///
+    /// # Source
+    /// Besl, `McKay`, "A method for registration of 3-D shapes", 1992, from the map found.
+    fn settle_coinciding(&mut self, check: Check<'_>) -> Result<()> {
+        let motion = self.similarity(true)?;
+        let (mut total, mut square) = (0.0, 0.0);
+        for (w, p, q) in self.matched() {
+            total += w;
+            square += w * vector::distance(motion.of(p), q).powi(2);
         }
-        self.target.coordinates = coordinates;
+        if square > SAME_POSE.powi(2) * total {
+            return Ok(());
+        }
+        let whole_source = as_matrix(&self.source.shape.mesh.vertices);
+        let deformed = self.deformed.clone();
+        let images = [self.target.images.clone(), self.source.images.clone()];
+        for _ in 0..MOVES {
+            let motion = self.similarity(true)?;
+            let target = &self.target.shape.mesh.vertices;
+            let moved: Vec<Point> = target.iter().map(|&p| motion.of(p)).collect();
+            self.deformed = as_matrix(&moved);
+            self.embed(whole_source.as_ref(), COINCIDING, check)?;
+        }
+        if !self.coincides() {
+            [self.target.images, self.source.images] = images;
+            self.deformed = deformed;
+            self.write_rows(whole_source.as_ref(), WHOLE);
+        }
         Ok(())
+    }
+
+    /// Whether the deformed target lies on the source but for a few vertices.
+    fn coincides(&self) -> bool {
+        let source = self.source.shape;
+        let strays = |&(v, &image): &(usize, &u32)| {
+            let place = [0, 1, 2].map(|c| self.deformed[(v, c)]);
+            let off = vector::sub(place, source.mesh.vertices[image as usize]);
+            vector::dot(source.normals[image as usize], off).abs() > COINCIDENT
+        };
+        let images = &self.target.images.vertex;
+        let strayed = images.iter().enumerate().filter(strays).count();
+        strayed as f64 <= STRAY * images.len() as f64
     }
 }
 
