@@ -123,7 +123,7 @@ def test_meshes_of_one_shape_in_one_pose_are_laid_onto_each_other(slender):
     corners = given.vertices[given.faces[corr.faces]]
     missed = np.linalg.norm(np.einsum("ni,nij->nj", corr.barycentric, corners)[ids] - truth, axis=1)
     edges = given.vertices[given.faces] - given.vertices[np.roll(given.faces, 1, axis=1)]
-    # Both meshes cut the corners of the surface by far less than an edge; without this step it misses by a third of one.
+    # Both meshes cut corners by far less than an edge; without this step it misses by a third of one.
     assert missed.mean() < 0.15 * np.linalg.norm(edges, axis=-1).mean()
 
 
