@@ -12,7 +12,6 @@
 use std::f64::consts::PI;
 
 use faer::linalg::matmul::matmul;
-use faer::linalg::solvers::Svd;
 use faer::{Accum, Mat, MatRef, Par};
 
 use crate::dense::{self, Rows};
@@ -25,6 +24,7 @@ use crate::progress::Check;
 use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
 use crate::refinement::rigid_surface::RigidSurface;
 use crate::shape::Shape;
+use crate::transfer::similarity::Similarity;
 use crate::vector::{self, Point};
 
 /// Weights in the embedding beside the spectrum; insensitive within a factor of three.
@@ -154,7 +154,7 @@ pub fn refined<'a>(
     let (target, source) = (pair.target, pair.source);
     let start = || report(0.0);
     let mut state = Refined::start(pair, matrix, schedule.drawn, &start)?;
-    state.rotate_target_onto_source()?;
+    state.rotate_target_onto_source();
     let most = target.basis.values.len().min(source.basis.values.len());
     let steps = (schedule.sizes.len() + schedule.rigid_steps) as f64;
     for (step, &size) in schedule.sizes.iter().enumerate() {
@@ -168,20 +168,6 @@ pub fn refined<'a>(
         state.settle_coinciding(&|| report(1.0))?;
     }
     Ok(state)
-}
-
-/// x ↦ s·R·x + t, the columns of s·R and t.
-struct Similarity {
-    turned: [Point; 3],
-    shift: Point,
-}
-
-impl Similarity {
-    fn of(&self, p: Point) -> Point {
-        (0..3).fold(self.shift, |sum, j| {
-            vector::add(sum, vector::scaled(self.turned[j], p[j]))
-        })
-    }
 }
 
 impl<'a> Side<'a> {
@@ -561,80 +547,27 @@ impl<'a> Refined<'a> {
     }
 
     /// Rotates and moves the target's coordinates so that matched points come together.
-    fn rotate_target_onto_source(&mut self) -> Result<()> {
-        let Similarity { turned, shift } = self.similarity(false)?;
-        // A constant is √area = 1 times the first eigenfunction.
-        let rotation = Mat::from_fn(3, 3, |i, j| turned[j][i]);
+    fn rotate_target_onto_source(&mut self) {
+        let Similarity { from, to, turn, .. } = Similarity::fitted(&self.matched());
+        let rotation = Mat::from_fn(3, 3, |i, j| turn[i][j]);
         let mut coordinates =
             dense::product(self.target.coordinates.as_ref(), rotation.transpose());
+        // A constant is √area = 1 times the first eigenfunction.
         for i in 0..3 {
-            coordinates[(0, i)] += shift[i];
+            coordinates[(0, i)] += to[i] - vector::dot(turn[i], from);
         }
         self.target.coordinates = coordinates;
-        Ok(())
     }
 
-    /// The motion, if asked with a scale, that brings the target's points to their matches.
-    ///
-    /// # Source
-    /// Kabsch, "A solution for the best rotation to relate two sets of vectors", 1976; the scale as in
-    /// Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
-    fn similarity(&self, scaled: bool) -> Result<Similarity> {
-        let mut total = 0.0;
-        let (mut mean_t, mut mean_s) = ([0.0; 3], [0.0; 3]);
-        for (w, p, q) in self.matched() {
-            total += w;
-            mean_t = vector::add(mean_t, vector::scaled(p, w));
-            mean_s = vector::add(mean_s, vector::scaled(q, w));
-        }
-        let (mean_t, mean_s) = (
-            vector::scaled(mean_t, 1.0 / total),
-            vector::scaled(mean_s, 1.0 / total),
-        );
-        let mut covariance = Mat::<f64>::zeros(3, 3);
-        let mut spread = 0.0;
-        for (w, p, q) in self.matched() {
-            let (p, q) = (vector::sub(p, mean_t), vector::sub(q, mean_s));
-            spread += w * vector::dot(p, p);
-            for i in 0..3 {
-                for j in 0..3 {
-                    covariance[(i, j)] += w * q[i] * p[j];
-                }
-            }
-        }
-        let svd = Svd::new(covariance.as_ref()).map_err(|_| crate::Error::NotFactorised {
-            reason: "rotation between matched points".into(),
-        })?;
-        let (u, v) = (svd.U(), svd.V());
-        let proper = (determinant(u) * determinant(v)).signum();
-        let sign = |c: usize| if c == 2 { proper } else { 1.0 };
-        let stretched: f64 = (0..3).map(|c| sign(c) * svd.S()[c]).sum();
-        let scale = if scaled { stretched / spread } else { 1.0 };
-        let turned = [0, 1, 2].map(|j| {
-            [0, 1, 2].map(|i| {
-                let entry: f64 = (0..3).map(|c| u[(i, c)] * v[(j, c)] * sign(c)).sum();
-                scale * entry
-            })
-        });
-        let about_origin = Similarity {
-            turned,
-            shift: [0.0; 3],
-        };
-        Ok(Similarity {
-            shift: vector::sub(mean_s, about_origin.of(mean_t)),
-            turned,
-        })
-    }
-
-    /// Weight, target point and source point of all matches, both ways.
-    fn matched(&self) -> impl Iterator<Item = (f64, Point, Point)> + '_ {
+    /// Target point, source point and weight of all matches, both ways.
+    fn matched(&self) -> Vec<(Point, Point, f64)> {
         let (t, s) = (&self.target, &self.source);
         let at = |side: &Side, v: u32| side.shape.mesh.vertices[v as usize];
         let asked = (0..t.asking.len())
-            .map(move |i| (t.weights[i], at(t, t.asking[i]), at(s, t.images.vertex[i])));
+            .map(|i| (at(t, t.asking[i]), at(s, t.images.vertex[i]), t.weights[i]));
         let answered = (0..s.asking.len())
-            .map(move |i| (s.weights[i], at(t, s.images.vertex[i]), at(s, s.asking[i])));
-        asked.chain(answered)
+            .map(|i| (at(t, s.images.vertex[i]), at(s, s.asking[i]), s.weights[i]));
+        asked.chain(answered).collect()
     }
 
     /// Two meshes of one shape in one pose, however placed, are moved onto each other, and the nearest
@@ -643,11 +576,12 @@ impl<'a> Refined<'a> {
     /// # Source
     /// Besl, `McKay`, "A method for registration of 3-D shapes", 1992, from the map found.
     fn settle_coinciding(&mut self, check: Check<'_>) -> Result<()> {
-        let motion = self.similarity(true)?;
+        let matched = self.matched();
+        let motion = Similarity::fitted(&matched);
         let (mut total, mut square) = (0.0, 0.0);
-        for (w, p, q) in self.matched() {
+        for (p, q, w) in matched {
             total += w;
-            square += w * vector::distance(motion.of(p), q).powi(2);
+            square += w * vector::distance(motion.apply(p), q).powi(2);
         }
         if square > SAME_POSE.powi(2) * total {
             return Ok(());
@@ -656,9 +590,9 @@ impl<'a> Refined<'a> {
         let deformed = self.deformed.clone();
         let images = [self.target.images.clone(), self.source.images.clone()];
         for _ in 0..MOVES {
-            let motion = self.similarity(true)?;
+            let motion = Similarity::fitted(&self.matched());
             let target = &self.target.shape.mesh.vertices;
-            let moved: Vec<Point> = target.iter().map(|&p| motion.of(p)).collect();
+            let moved: Vec<Point> = target.iter().map(|&p| motion.apply(p)).collect();
             self.deformed = as_matrix(&moved);
             self.embed(whole_source.as_ref(), COINCIDING, check)?;
         }
@@ -715,9 +649,4 @@ fn first_images(
 
 fn as_matrix(points: &[Point]) -> Mat<f64> {
     Mat::from_fn(points.len(), 3, |i, c| points[i][c])
-}
-
-fn determinant(m: MatRef<'_, f64>) -> f64 {
-    let row = |i: usize| [m[(i, 0)], m[(i, 1)], m[(i, 2)]];
-    vector::dot(row(0), vector::cross(row(1), row(2)))
 }
