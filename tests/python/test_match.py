@@ -127,6 +127,25 @@ def test_meshes_of_one_shape_in_one_pose_are_laid_onto_each_other(slender):
     assert missed.mean() < 0.15 * np.linalg.norm(edges, axis=-1).mean()
 
 
+def test_a_piece_is_found_where_it_lies_on_its_whole(slender):
+    """Vertices that both have are their own images, and what the piece lacks is doubted."""
+    above = (slender.vertices[:, 2] > 0.9)[slender.faces].all(axis=1)
+    kept, corners = np.unique(slender.faces[above], return_inverse=True)
+    whole = slender.vertices, slender.faces
+    piece = slender.vertices[kept], corners.reshape(-1, 3)
+    to_piece, to_whole = sgmds.match(whole, piece), sgmds.match(piece, whole)
+    assert "part of the source" in to_piece.quality.reasons[0]
+    assert "part of the target" in to_whole.quality.reasons[0]
+    edges = slender.vertices[slender.faces] - slender.vertices[np.roll(slender.faces, 1, axis=1)]
+    for corr, mesh, asked in ((to_piece, whole, slice(None)), (to_whole, piece, kept)):
+        places = np.einsum("ni,nij->nj", corr.barycentric, mesh[0][mesh[1][corr.faces]])[asked]
+        # The place in the triangle is found with the spectrum too, which differs between piece and whole.
+        far = np.linalg.norm(places - piece[0], axis=1)
+        assert far.max() < 0.05 * np.linalg.norm(edges, axis=-1).mean()
+    lacking = np.setdiff1d(np.arange(len(slender.vertices)), kept)
+    assert np.median(to_whole.confidence[lacking]) < 0.1 < 0.8 < np.median(to_whole.confidence[kept])
+
+
 def test_a_locally_scaled_shape_is_matched_better_in_the_scale_invariant_metric():
     """A tail twice as large takes up so much of the area that no other distance stays."""
     large_tail = dict.fromkeys(("tail_root", "tail", "tail_tip"), (2.0, 2.0))

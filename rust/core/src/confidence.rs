@@ -69,7 +69,8 @@ pub fn beyond_rims(source: &Mesh, target: &Mesh, images: &[u32]) -> Vec<f64> {
 
 /// Mean change δ of the distances to 80 samples, near ones weighing most, for each target vertex.
 ///
-/// `images` is the source vertex of each target vertex. Lengths at unit area.
+/// `images` is the source vertex of each target vertex. Lengths are those of the source at unit area, of
+/// which `lengths` make one of the target's.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
@@ -77,6 +78,7 @@ pub fn local_distortion(
     target: &Shape,
     source: &Shape,
     images: &[u32],
+    lengths: f64,
     progress: &Progress,
 ) -> Result<Vec<f64>> {
     let count = WITNESSES.min(target.marched().len());
@@ -95,7 +97,8 @@ pub fn local_distortion(
             let mut sums = vec![(0.0, WEIGHT_FLOOR); images.len()];
             for j in 0..count {
                 let here = &target.fields.col_as_slice(j)[from..];
-                add_changes(&mut sums, here, on_source.col_as_slice(j), images);
+                let there = on_source.col_as_slice(j);
+                add_changes(&mut sums, here, lengths as f32, there, images);
             }
             sums.into_iter().map(|(sum, total)| f64::from(sum / total))
         })
@@ -103,9 +106,9 @@ pub fn local_distortion(
 }
 
 /// Adds one sample's weighted change of distance, and its weight, to the sums of each vertex.
-fn add_changes(sums: &mut [(f32, f32)], here: &[f32], there: &[f32], images: &[u32]) {
+fn add_changes(sums: &mut [(f32, f32)], here: &[f32], lengths: f32, there: &[f32], images: &[u32]) {
     for (((sum, total), &here), &image) in sums.iter_mut().zip(here).zip(images) {
-        let here = here.min(HORIZON);
+        let here = (lengths * here).min(HORIZON);
         let change = (here - there[image as usize].min(HORIZON)).abs();
         let nearness = 1.0 - (here / HORIZON).powi(2);
         let weight = nearness.powi(8) * nearness;

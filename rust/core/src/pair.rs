@@ -148,6 +148,9 @@ pub struct Pair<'a> {
     pub hints: &'a Hints,
     /// What of the method is not used.
     pub left_out: LeftOut,
+    /// How many units of length of the source one of the target is, where that is known, else 1: each shape
+    /// has unit area.
+    pub lengths: f64,
     /// Distance of each vertex of the target and of the source from its own mirror image.
     pub mirror_offsets: Option<[&'a [f32]; 2]>,
 }

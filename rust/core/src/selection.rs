@@ -1,6 +1,6 @@
 //! Which of the candidates is the map.
 
-use faer::{Mat, MatRef};
+use faer::{Mat, MatRef, Scale};
 use rayon::prelude::*;
 
 use crate::dense::{self, Rows};
@@ -11,8 +11,8 @@ use crate::map_search::Candidate;
 use crate::nearest::nearest;
 use crate::orientation::{TangentGradients, orientation};
 use crate::pair::{Mirror, Pair, Part, Shares};
-use crate::refinement::embedded_surface::{self, Side};
-use crate::refinement::upsampling;
+use crate::refinement::embedded_surface::{self, Refined, Side};
+use crate::refinement::upsampling::{self, UPSAMPLED_SIZE};
 use crate::shape::Shape;
 use crate::vector;
 
@@ -137,6 +137,8 @@ pub struct Hypothesis {
     pub figures: Figures,
     /// Which shape it takes as a part of the other.
     pub shares: Shares,
+    /// Whether it takes the shapes to lie on one another as they were given.
+    pub in_place: bool,
     /// Source vertices of the target's judging samples.
     images: Vec<u32>,
 }
@@ -260,8 +262,9 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
     } else {
         1.0
     };
-    let contradiction =
-        missed_landmarks(source, &rows_t, &rows_s, &pair.hints.landmarks) + off_axes(pair, &images);
+    let known: Vec<u32> = pair.hints.landmarks.iter().map(|&(_, t)| t).collect();
+    let found = nearest(&rows_t.gather(&known), &rows_s);
+    let contradiction = missed_landmarks(pair, &found) + off_axes(pair, &images);
     Scored {
         matrix,
         score: energy * distortion * (ORIENTATION_OFFSET.0 - o) * ell * (1.0 + contradiction),
@@ -287,16 +290,11 @@ fn orientation_of(pair: &Pair<'_>, images: &[u32], matrix: MatRef<'_, f64>) -> f
 }
 
 /// Σ (d/0.1)² over landmarks, d the distance between given and found image.
-fn missed_landmarks(source: &Shape, rows_t: &Rows, rows_s: &Rows, landmarks: &[(u32, u32)]) -> f64 {
+fn missed_landmarks(pair: &Pair<'_>, found: &[u32]) -> f64 {
     /// A landmark missed by a tenth of √area doubles the score.
     const TOLERANCE: f64 = 0.1;
-    if landmarks.is_empty() {
-        return 0.0;
-    }
-    let given: Vec<u32> = landmarks.iter().map(|&(s, _)| s).collect();
-    let asked: Vec<u32> = landmarks.iter().map(|&(_, t)| t).collect();
-    let found = nearest(&rows_t.gather(&asked), rows_s);
-    let distances = source.spectral_distances(&given, &found);
+    let given: Vec<u32> = pair.hints.landmarks.iter().map(|&(s, _)| s).collect();
+    let distances = pair.source.spectral_distances(&given, found);
     (0..given.len())
         .map(|i| (distances[(i, i)] / TOLERANCE).powi(2))
         .sum()
@@ -397,8 +395,58 @@ fn judged(
         matrix: scored.matrix.clone(),
         figures,
         shares: pair.shares,
+        in_place: false,
         images: on_source,
     })
+}
+
+/// The map between surfaces that lie on one another as they were given, found without what is known of it.
+#[must_use]
+pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Hypothesis {
+    let (asking, answering) = (&found.target, &found.source);
+    let k = UPSAMPLED_SIZE.min(found.matrix.nrows());
+    let matrix = found.matrix.get(..k, ..k).to_owned();
+    let (on_source, on_target) = (judged_images(asking), judged_images(answering));
+    let mut figures = figures(pair, matrix.as_ref(), &on_source, &on_target);
+    // Spectra of a part and of the whole say little of which side is up; here normals do.
+    figures.orientation = pair
+        .shares
+        .mean(
+            facing(pair.target, pair.source, &on_source),
+            facing(pair.source, pair.target, &on_target),
+        )
+        .abs();
+    let image = |&(_, t): &(u32, u32)| asking.images.vertex[t as usize];
+    let of_landmarks: Vec<u32> = pair.hints.landmarks.iter().map(image).collect();
+    figures.contradiction = missed_landmarks(pair, &of_landmarks) + off_axes(pair, &on_source);
+    Hypothesis {
+        matrix,
+        figures,
+        shares: pair.shares,
+        in_place: true,
+        images: on_source,
+    }
+}
+
+/// Mean cosine between the normals at one shape's judging samples and at their images.
+fn facing(asking: &Shape, answering: &Shape, images: &[u32]) -> f64 {
+    let cosine = |(&v, &image): (&u32, &u32)| {
+        vector::dot(
+            asking.normals[v as usize],
+            answering.normals[image as usize],
+        )
+    };
+    let sum: f64 = judging(asking).iter().zip(images).map(cosine).sum();
+    sum / images.len() as f64
+}
+
+/// Images of the samples on which maps are judged, where all vertices ask.
+#[must_use]
+pub fn judged_images(side: &Side<'_>) -> Vec<u32> {
+    judging(side.shape())
+        .iter()
+        .map(|&v| side.images.vertex[v as usize])
+        .collect()
 }
 
 /// The samples on which maps are judged.
@@ -416,20 +464,17 @@ pub fn figures(
     on_target: &[u32],
 ) -> Figures {
     let (target, source) = (pair.target, pair.source);
-    let change = |a: &Shape, b: &Shape, images: &[u32]| {
+    let change = |a: &Shape, unit: f64, b: &Shape, images: &[u32]| {
         let asking = judging(a);
-        mean_change(
-            &a.spectral_distances(asking, asking),
-            &b.spectral_distances(images, images),
-            LOCAL,
-        )
+        let own = Scale(unit) * a.spectral_distances(asking, asking);
+        mean_change(&own, &b.spectral_distances(images, images), LOCAL)
     };
     Figures {
         orientation: orientation_of(pair, on_source, matrix),
         local_distortion: if pair.uses(Part::Geodesic) {
             pair.shares.mean(
-                change(target, source, on_source),
-                change(source, target, on_target),
+                change(target, pair.lengths, source, on_source),
+                change(source, 1.0 / pair.lengths, target, on_target),
             )
         } else {
             0.0

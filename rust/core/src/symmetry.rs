@@ -69,6 +69,7 @@ fn reversing_map(shape: &Shape, progress: &Progress) -> Result<Option<(Mat<f64>,
         mirror: Mirror::Only,
         hints: &hints,
         left_out: LeftOut::default(),
+        lengths: 1.0,
         mirror_offsets: None,
     };
     let candidates = match SampledPair::new(pair, Width::NARROW).search(progress) {

@@ -14,7 +14,7 @@ use crate::map_search::{SampledPair, Width};
 use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
 use crate::progress::Progress;
 use crate::quality;
-use crate::refinement::embedded_surface::{self, Refined, Side};
+use crate::refinement::embedded_surface::{self, Refined};
 use crate::selection::{self, Figures, Hypothesis};
 use crate::shape::Shape;
 use crate::symmetry;
@@ -45,6 +45,7 @@ pub(super) fn whole_or_part(
         hypotheses(&Pair { shares, ..*pair }, width, progress, &stage)
     };
     let narrow = found_or_none(search(pair, Shares::BOTH, Width::NARROW, (0.0, 0.1)))?;
+    let narrow = selection::merged(pair.source, narrow, as_they_lie(pair, progress)?);
     if selection::stands_alone(&narrow) && quality::clear(&narrow[0].figures) {
         return Ok(narrow);
     }
@@ -86,6 +87,23 @@ pub(super) fn whole_or_part(
         best = selection::merged(pair.source, best, wide);
     }
     Ok(best)
+}
+
+/// The map between surfaces that lie on one another as they were given, if they do.
+pub(super) fn as_they_lie(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> {
+    let unguided = &Pair {
+        hints: &Hints::default(),
+        ..*pair
+    };
+    let found = embedded_surface::in_place(unguided, &|| progress.check())?;
+    let hypothesis = found.map(|(placed, map)| {
+        let hinted = &Pair {
+            hints: pair.hints,
+            ..placed
+        };
+        selection::of_surfaces_in_place(hinted, &map)
+    });
+    Ok(hypothesis.into_iter().collect())
 }
 
 /// No hypotheses where the search found no map.
@@ -225,6 +243,7 @@ pub fn completed(
         mirror: Mirror::Allow,
         hints,
         left_out: LeftOut::default(),
+        lengths: 1.0,
         mirror_offsets: None,
     };
     let mut found = completed_and_ranked(&pair, hypothesis, progress, report)?
@@ -285,39 +304,53 @@ fn completed_and_ranked<'a>(
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Completed<'a>> {
-    let pair = &Pair {
-        shares: hypothesis.shares,
-        ..*pair
-    };
-    let (target, source) = (pair.target, pair.source);
-    let state = embedded_surface::refined(
-        pair,
-        hypothesis.matrix.as_ref(),
-        embedded_surface::FULL,
-        &|f| report("refinement", 0.9 * f),
-    )?;
+    let (pair, state) = refined(pair, hypothesis, report)?;
     report("dense map", 0.9)?;
     let (asking, answering) = (&state.target, &state.source);
     let images = &asking.images.vertex;
-    let distortion = local_distortion(target, source, images, progress)?;
-    let judging = |side: &Side<'_>| -> Vec<u32> {
-        selection::judging(side.shape())
-            .iter()
-            .map(|&v| side.images.vertex[v as usize])
-            .collect()
+    let distortion = local_distortion(pair.target, pair.source, images, pair.lengths, progress)?;
+    let figures = if hypothesis.in_place {
+        hypothesis.figures
+    } else {
+        Figures {
+            contradiction: hypothesis.figures.contradiction,
+            ..selection::figures(
+                &pair,
+                hypothesis.matrix.as_ref(),
+                &selection::judged_images(asking),
+                &selection::judged_images(answering),
+            )
+        }
     };
-    let mut refined = selection::figures(
-        pair,
-        hypothesis.matrix.as_ref(),
-        &judging(asking),
-        &judging(answering),
-    );
-    refined.contradiction = hypothesis.figures.contradiction;
     Ok(Completed {
-        rank: refined.rank(),
-        agreement: refined.agreement,
+        rank: figures.rank(),
+        agreement: figures.agreement,
         distortion,
         images: asking.images.vertex.clone(),
         state,
     })
+}
+
+/// The refined map of a hypothesis, and what it says of the pair.
+fn refined<'a>(
+    pair: &Pair<'a>,
+    hypothesis: &Hypothesis,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<(Pair<'a>, Refined<'a>)> {
+    if hypothesis.in_place
+        && let Some(found) = embedded_surface::in_place(pair, &|| report("refinement", 0.0))?
+    {
+        return Ok(found);
+    }
+    let pair = Pair {
+        shares: hypothesis.shares,
+        ..*pair
+    };
+    let state = embedded_surface::refined(
+        &pair,
+        hypothesis.matrix.as_ref(),
+        embedded_surface::FULL,
+        &|f| report("refinement", 0.9 * f),
+    )?;
+    Ok((pair, state))
 }

@@ -12,13 +12,14 @@ use crate::hints::Hints;
 use crate::map_search::Width;
 use crate::pair::{LeftOut, Mirror, Pair, Shares};
 use crate::progress::Progress;
+use crate::selection;
 use crate::shape::Shape;
 
 pub use choice::completed;
 pub use correspondence::Correspondence;
 pub use published::energy;
 
-use choice::{clearest, hypotheses, whole_or_part};
+use choice::{as_they_lie, clearest, hypotheses, whole_or_part};
 use published::{by_paper, embedded};
 
 /// Which algorithm.
@@ -116,11 +117,13 @@ pub fn match_shapes(
                 mirror: options.mirror,
                 hints: &hints,
                 left_out: options.left_out,
+                lengths: 1.0,
                 mirror_offsets: None,
             };
             let hypotheses = if options.shares.is_some() {
                 let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
-                hypotheses(&pair, Width::USUAL, progress, &stage)?
+                let found = hypotheses(&pair, Width::USUAL, progress, &stage)?;
+                selection::merged(source, found, as_they_lie(&pair, progress)?)
             } else {
                 whole_or_part(&pair, progress, report)?
             };

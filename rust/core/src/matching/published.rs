@@ -69,7 +69,7 @@ pub(super) fn embedded(
     let on_source = images(&embedding.target, &embedding.source)?;
     let on_target = images(&embedding.source, &embedding.target)?;
     // No surface is deformed, so that there is no gap.
-    let misfit: Vec<(f64, f64)> = local_distortion(target, source, &on_source, progress)?
+    let misfit: Vec<(f64, f64)> = local_distortion(target, source, &on_source, 1.0, progress)?
         .into_iter()
         .map(|distortion| (distortion, 0.0))
         .collect();

@@ -19,8 +19,9 @@ use crate::error::Result;
 use crate::hints::Which;
 use crate::mesh::{self, Adjacency};
 use crate::nearest::nearest_unless;
-use crate::pair::{Pair, Part};
+use crate::pair::{Mirror, Pair, Part};
 use crate::progress::Check;
+use crate::refinement::coinciding::{COINCIDENT, Coinciding, STRAY, coinciding};
 use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
 use crate::refinement::rigid_surface::RigidSurface;
 use crate::shape::Shape;
@@ -57,11 +58,6 @@ const COINCIDING: Weights = Weights {
 /// Root mean square distance between matched points of surfaces that are moved onto each other, above
 /// which they are in other poses: maps are right to 0.02.
 const SAME_POSE: f64 = 0.05;
-/// Surfaces coincide when all but [`STRAY`] of the target's vertices lie this near to the tangent plane at
-/// their image: the nearest point is then as good an image as a map that is right to so much.
-const COINCIDENT: f64 = 0.015;
-/// Share of the vertices that may lie farther away.
-const STRAY: f64 = 0.03;
 /// Times that coinciding surfaces are moved onto each other.
 const MOVES: usize = 6;
 /// Ridge of the displacement fit, relative to Λ/λ₂₀.
@@ -168,6 +164,45 @@ pub fn refined<'a>(
         state.settle_coinciding(&|| report(1.0))?;
     }
     Ok(state)
+}
+
+/// The nearest points of surfaces that lie on one another as they were given, and what their places tell of
+/// the pair: which is a part, and their lengths. Nothing where they do not lie so.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
+pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a>, Refined<'a>)>> {
+    let (target, source) = (pair.target, pair.source);
+    if pair.mirror == Mirror::Only || !pair.uses(Part::Extrinsic) {
+        return Ok(None);
+    }
+    let Some(found) = coinciding(target, source, check)? else {
+        return Ok(None);
+    };
+    let Coinciding {
+        placed,
+        images: [on_source, on_target],
+        shares,
+    } = found;
+    let pair = Pair {
+        shares,
+        lengths: target.unit / source.unit,
+        ..*pair
+    };
+    let most = target.basis.values.len().min(source.basis.values.len());
+    let mut state = Refined {
+        target: Side::new(&pair, Which::Target, None),
+        source: Side::new(&pair, Which::Source, None),
+        deformed: as_matrix(&placed),
+        matrix: Mat::zeros(most, most),
+    };
+    state.target.images.vertex = on_source;
+    state.source.images.vertex = on_target;
+    let at_images = state.at_images(most);
+    state.matrix = state.mapped(&at_images, check)?;
+    let whole_source = as_matrix(&source.mesh.vertices);
+    state.embed(whole_source.as_ref(), COINCIDING, check)?;
+    Ok(Some((pair, state)))
 }
 
 impl<'a> Side<'a> {

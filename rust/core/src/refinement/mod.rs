@@ -1,5 +1,6 @@
 //! From a coarse functional map to a dense one.
 
+pub mod coinciding;
 pub mod embedded_surface;
 pub mod propagation;
 pub mod rigid_surface;
