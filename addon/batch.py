@@ -80,7 +80,12 @@ JOB = {
     "output": str,
 }
 PAIR = {"source": str, "targets": (str, list)}
-OPTIONS = {"method": ("auto", "paper"), "part": ("source", "target"), "mirror": ("forbid", "allow")}
+OPTIONS = {
+    "method": ("auto", "paper"),
+    "part": ("source", "target"),
+    "mirror": ("forbid", "allow"),
+    "same_axes": (False, True),
+}
 
 
 def read_manifest(path, folder, anywhere):
@@ -95,7 +100,7 @@ def read_manifest(path, folder, anywhere):
         table = toml.read_toml(path)
         toml.check_keys(table, TOP, "the manifest")
         options = table.get("options", {})
-        toml.check_keys(options, dict.fromkeys(OPTIONS, str), "options")
+        toml.check_keys(options, {name: type(values[0]) for name, values in OPTIONS.items()}, "options")
         for name, value in options.items():
             if value not in OPTIONS[name]:
                 raise WrongRequestError(f"options: '{name}' should be one of {', '.join(OPTIONS[name])}")

@@ -101,6 +101,9 @@ def _parser():
     both.add_argument("--method", choices=("auto", "paper"))
     both.add_argument("--part", choices=("source", "target"), help="which is only a part of the other")
     both.add_argument("--mirror", choices=("forbid", "allow"), help="may left and right be exchanged")
+    both.add_argument(
+        "--same-axes", action="store_true", help="left, front and up are the same directions on both"
+    )
     both.add_argument("--keep-source", action="store_true", help="save a source of another file, too")
     there = both.add_mutually_exclusive_group()
     there.add_argument(

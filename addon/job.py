@@ -32,6 +32,7 @@ class MatchOptions:
     method: str = "auto"
     part: str | None = None
     mirror: str = "forbid"
+    same_axes: bool = False
     threads: int | None = None
     swap_sides: bool = False
     storage: prepared.Storage | None = None
@@ -181,6 +182,7 @@ class MatchJob(Job):
             method=self.options.method,
             part=self.options.part,
             mirror=self.options.mirror,
+            same_axes=self.options.same_axes,
             threads=threads,
             progress=part("{}", 2 * PREPARING_SHARE, 1.0 - 2 * PREPARING_SHARE),
         )

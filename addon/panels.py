@@ -182,6 +182,7 @@ class VIEW3D_PT_spectral_match_options(SubPanel, Panel):
         layout.prop(settings, "shape")
         layout.prop(settings, "part")
         layout.prop(settings, "allow_mirror")
+        layout.prop(settings, "same_axes")
 
 
 class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):

@@ -104,6 +104,11 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
         name="Allow Mirrored Match",
         description="Also accept a match that turns left into right, as between a left and a right hand",
     )
+    same_axes: BoolProperty(
+        name="Facing the Same Way",
+        description="Left, front and up are the same directions on both: "
+        "tells the sides of a body apart that is its own mirror image",
+    )
 
     skipped: CollectionProperty(type=SPECTRAL_MATCH_PG_skipped)
 

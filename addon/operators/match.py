@@ -35,6 +35,7 @@ def reading(context, source, targets, *, swap_sides=False):
         method=wish.method,
         part={"AUTO": None, "SOURCE": "source", "TARGET": "target"}[settings.part],
         mirror="allow" if settings.allow_mirror else "forbid",
+        same_axes=settings.same_axes,
         threads=wish.threads or None,
         swap_sides=swap_sides,
         storage=preferences.storage(context),

@@ -19,6 +19,7 @@ PRESET_NAMES = (
     "shape",
     "part",
     "allow_mirror",
+    "same_axes",
     *(name for name in TransferChoice.__annotations__ if name.startswith("use_")),
     *TransferOptions.__annotations__,
 )

@@ -196,6 +196,7 @@ def test_an_input_is_replaced_only_when_told(files, tmp_path, capsys):
         ("[[jobs]]\nsource = 'A'\ntargets = 'B'\ntransfer = ['hats']", "hats"),
         ("[[jobs]]\nsource = 'A'\ntargets = 'B'\noutput = '../out.blend'", "leads out"),
         ("output = '/elsewhere'\n[[jobs]]\nsource = 'A'\ntargets = 'B'", "leads out"),
+        ("options.same_axes = 'yes'\n[[jobs]]\nsource = 'A'\ntargets = 'B'", "cannot be 'yes'"),
         ("options.method = 'best'\n[[jobs]]\nsource = 'A'\ntargets = 'B'", "should be one of"),
         ("[[jobs]]\nsource='A'\ntargets='B'\n[[jobs]]\nsource='A'\ntargets='C'", "Two files"),
     ],

@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+import sgmds
 from conftest import choose, lumpy, new_object, triangle_vertices
 
 from addon import mesh_read, notice, stored_match
@@ -249,6 +250,17 @@ def test_swapped_sides_mirror_the_map(pair):
     assert bpy.ops.spectral_match.swap_sides() == {"FINISHED"}
     np.testing.assert_allclose(values(target, "match_position"), direct, atol=1e-5)
     assert "swapped" not in summary([target], 1, False)
+
+
+def test_the_options_of_the_panel_reach_the_core(pair, scene, monkeypatch):
+    seen, core_match = {}, sgmds.match
+    monkeypatch.setattr(
+        sgmds, "match", lambda *shapes, **given: seen.update(given) or core_match(*shapes, **given)
+    )
+    settings = scene.spectral_match
+    settings.same_axes, settings.allow_mirror, settings.part = True, True, "TARGET"
+    assert match() == {"FINISHED"}
+    assert (seen["same_axes"], seen["mirror"], seen["part"]) == (True, "allow", "target")
 
 
 def add_stretched_key(obj):

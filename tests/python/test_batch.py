@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 from sgmds.batch import journal, manifest, processes, work
 from sgmds.batch.manifest import Batch, Pair, ShapeFile
 from sgmds.cli import main
+from sgmds.whole_file import clear_remains
 
 REPORT = ("pairs.csv", "energy.csv", "confidence.csv", "distances.png", "report.json")
 SHAPES = ("ant", "bee", "cat", "dog")
@@ -182,6 +183,18 @@ def test_a_failed_pair_stops_nothing_and_is_reported(meshes, cache, tmp_path, ca
     assert len(told["failures"]) == 4 and all("bad.off" in f["reason"] for f in told["failures"])
 
 
+def test_a_mesh_that_cannot_be_matched_is_named_by_its_file(meshes, cache, tmp_path):
+    bad = tmp_path / "triangle.off"
+    bad.write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
+    path = tmp_path / "some.toml"
+    path.write_text(
+        f'options.same_axes = true\n[[pairs]]\nsource = "{meshes}/ant.off"\ntarget = "{bad.name}"\n'
+    )
+    assert main(["batch", str(path), "--jobs", "1", "--cache", str(cache)]) == 1
+    (row,) = table(tmp_path / "some" / "pairs.csv")
+    assert row["reason"].startswith(f"{bad}: the largest connected part has 3 vertices")
+
+
 # What happens when something dies.
 
 
@@ -327,6 +340,14 @@ def test_a_scheduler_loses_nothing_when_a_worker_is_killed(meshes, cache, tmp_pa
     assert (folder / journal.NAME).read_bytes().count(b"\n") < 12, "nothing was left to do"
     assert process.wait(timeout=120) == 0
     same_report(folder, reference)
+
+
+def test_what_killed_workers_left_of_maps_is_removed(tmp_path):
+    kept = {"a.npz", ".a.npz.note", ".b.npz.01234567"}
+    for name in (*kept, ".a.npz.01234567", ".a.npz.89abcdef"):
+        (tmp_path / name).touch()
+    clear_remains([tmp_path / "a.npz", tmp_path / "none" / "b.npz"])
+    assert {path.name for path in tmp_path.iterdir()} == kept
 
 
 def test_a_missing_package_is_named_with_its_extra(meshes, cache, tmp_path, capsys, monkeypatch):

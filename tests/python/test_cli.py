@@ -53,6 +53,23 @@ def test_a_map_without_a_folder_is_refused_before_any_work(files, tmp_path, monk
     assert f"there is no folder {place.parent}" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize(
+    ("command", "option"),
+    [
+        (["evaluate", "DATA"], "--json"),
+        (["evaluate", "DATA"], "--plot"),
+        (["reproduce", "noise", "DATA"], "--json"),
+        (["bench"], "--json"),
+    ],
+)
+def test_figures_without_a_folder_are_refused_before_any_work(command, option, tmp_path, capsys):
+    place = tmp_path / "none" / "figures"
+    with pytest.raises(SystemExit) as refused:
+        main([*command, option, str(place)])
+    assert refused.value.code == 2
+    assert f"there is no folder {place.parent}" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize("side", [0, 1])
 @pytest.mark.parametrize("metric", ["euclidean", "scale-invariant"])
 def test_a_mesh_that_cannot_be_matched_is_named_by_its_file(files, tmp_path, capsys, side, metric):

@@ -102,10 +102,11 @@ def _parser() -> argparse.ArgumentParser:
         help="leave a part of the automatic method out; repeatable",
     )
     evaluate.add_argument("--mirror", choices=("forbid", "allow"))
+    evaluate.add_argument("--same-axes", action="store_true", default=None)
     evaluate.add_argument("--cache", type=Path, metavar="DIR", help="keep truth distances there between runs")
-    evaluate.add_argument("--json", type=Path, metavar="OUT", help="all figures")
+    evaluate.add_argument("--json", type=_output, metavar="OUT", help="all figures")
     evaluate.add_argument(
-        "--plot", type=Path, metavar="OUT.svg", help="error curves, beside those of the saved maps"
+        "--plot", type=_output, metavar="OUT.svg", help="error curves, beside those of the saved maps"
     )
     evaluate.add_argument("-q", "--quiet", action="store_true", help="the summary only")
     _add_common(evaluate)
@@ -122,8 +123,8 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument(
         "--cache", type=Path, metavar="DIR", help="keep truth distances there between runs"
     )
-    reproduce.add_argument("--json", type=Path, metavar="OUT", help="all figures")
-    reproduce.add_argument("--plot", type=Path, metavar="OUT.svg", help="the error curves")
+    reproduce.add_argument("--json", type=_output, metavar="OUT", help="all figures")
+    reproduce.add_argument("--plot", type=_output, metavar="OUT.svg", help="the error curves")
     reproduce.set_defaults(run=_reproduce)
 
     batch = commands.add_parser("batch", help="match many pairs, unattended", description=_batch.__doc__)
@@ -157,7 +158,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     bench.add_argument("--runs", type=_positive, default=5, metavar="N", help="of which the median counts")
     bench.add_argument("--no-peers", action="store_true", help="only ourselves")
-    bench.add_argument("--json", type=Path, metavar="OUT")
+    bench.add_argument("--json", type=_output, metavar="OUT")
     bench.set_defaults(run=_bench)
     return parser
 
@@ -171,6 +172,14 @@ def _positive(text: str) -> int:
     if int(text) < 1:
         raise argparse.ArgumentTypeError("should be 1 or more")
     return int(text)
+
+
+def _output(text: str) -> Path:
+    """A file to be written, in a folder that is there: said before hours of work, not after."""
+    path = Path(text)
+    if not path.parent.is_dir():
+        raise argparse.ArgumentTypeError(f"{path}: there is no folder {path.parent}; please make it first")
+    return path
 
 
 def _landmark(text: str) -> tuple[int, int]:
@@ -262,7 +271,7 @@ def _evaluate(options) -> int:
         compare=options.plot is not None,
         cache=options.cache,
         report=None if options.quiet else lambda line: print(line, flush=True),
-        **_given(options, "part", "mirror", "without", "threads", "seed"),
+        **_given(options, "part", "mirror", "same_axes", "without", "threads", "seed"),
     )
     if options.json:
         options.json.write_text(json.dumps(result.as_json(), indent=1) + "\n", encoding="utf-8")

@@ -1,8 +1,9 @@
 """Files that are there complete or not at all."""
 
 import os
+import re
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
@@ -24,3 +25,15 @@ def whole_file(path: str | os.PathLike[str], *, binary: bool = False) -> Iterato
     except BaseException:
         temporary.unlink()
         raise
+
+
+def clear_remains(paths: Iterable[Path]) -> None:
+    """Removes what killed processes left of new files of these names, which nobody may be writing now."""
+    names: dict[Path, set[str]] = {}
+    for path in paths:
+        names.setdefault(path.parent, set()).add(path.name)
+    for folder, wanted in names.items():
+        for path in folder.glob(".*"):
+            remains = re.fullmatch(r"\.(.+)\.[0-9a-f]{8}", path.name)
+            if remains and remains[1] in wanted:
+                path.unlink()

@@ -62,7 +62,11 @@ pub fn watched<T: Send>(
         return Err(error);
     }
     match outcome {
-        Ok(Ok(value)) => Ok(value),
+        Ok(Ok(value)) => {
+            // How far it came in the end.
+            glance(py, progress, &state)?;
+            Ok(value)
+        }
         Ok(Err(error)) => Err(errors::to_python(py, &error)),
         Err(payload) => Err(errors::from_panic(py, state.now().0, payload.as_ref())),
     }

@@ -182,6 +182,7 @@ pub(super) fn clearest(
         .swap_remove(best)
         .finished(pair, &chosen, progress)?;
     found.others = hypotheses;
+    report("dense map", 1.0)?;
     Ok(found)
 }
 

@@ -141,6 +141,7 @@ OPTIONS = {
     "method": METHODS,
     "part": ("source", "target"),
     "mirror": ("forbid", "allow"),
+    "same_axes": (False, True),
 }
 
 
@@ -201,7 +202,7 @@ def read(path, output=None, anywhere=False) -> Batch:
 
 
 def _options(table):
-    check_keys(table, dict.fromkeys(OPTIONS, str), "options")
+    check_keys(table, {name: type(values[0]) for name, values in OPTIONS.items()}, "options")
     for key, value in table.items():
         if value not in OPTIONS[key]:
             raise ArgumentError(f"options: {key!r} should be one of {OPTIONS[key]}, got {value!r}")

@@ -15,6 +15,7 @@ from ..cache import LIMIT_BYTES
 from ..errors import ArgumentError, SgmdsError
 from ..files import mesh_format
 from ..locks import try_lock
+from ..whole_file import clear_remains
 from . import journal, manifest, processes, report, scheduler, work
 
 RUNS = "runs.jsonl"
@@ -95,6 +96,8 @@ def run(
             else:
                 outcomes = scheduler.run(tasks, scheduler_address, settings)
             effort = _follow(batch, kept, outcomes, count, progress, tell)
+            pairs = map(batch.pair, range(len(batch)))
+            clear_remains(pair.map for pair in pairs if pair.map is not None)
             summary = report.write(batch, kept.records())
         effort |= {"jobs": jobs, "threads": threads, "scheduler": scheduler_address}
         with open(batch.folder / RUNS, "a", encoding="utf-8") as file:

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ..cache import LIMIT_BYTES, ShapeCache
-from ..errors import SgmdsError
+from ..errors import MeshError, SgmdsError
 from ..files import read_mesh
 from ..matching import match
 from ..shape import Shape
@@ -127,7 +127,11 @@ class Worker:
             if path in self._shapes:
                 self._shapes.move_to_end(path)
                 return self._shapes[path]
-        shape = cache.shape(*read_mesh(path), threads=self.settings.threads)
+        mesh = read_mesh(path)
+        try:
+            shape = cache.shape(*mesh, threads=self.settings.threads)
+        except MeshError as error:
+            raise MeshError(f"{path}: {error}") from error
         with self._lock:
             self._shapes[path] = shape
             held = sum(len(s.vertices) for s in self._shapes.values())
