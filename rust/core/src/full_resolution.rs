@@ -79,6 +79,7 @@ impl FullResolution {
             .iter()
             .map(|&v| mesh.input_vertex[v as usize])
             .collect();
+        working.centre = vector::add(vector::scaled(working.centre, mesh.scale), mesh.centre);
         working.scale *= mesh.scale;
         working.report = mesh.report.clone();
         progress.check()?;
