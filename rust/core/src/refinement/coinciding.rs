@@ -28,7 +28,7 @@ pub struct Coinciding {
     pub shares: Shares,
 }
 
-/// Whether two shapes lie on one another as they were given.
+/// Whether two shapes lie on one another as they were given, measured by the smaller of the two.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
@@ -42,6 +42,7 @@ pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Op
             vector::scaled(vector::sub(given, other.centre), 1.0 / other.scale)
         })
         .collect();
+    let unit = (own.scale / other.scale).min(1.0);
     let (on_target, on_source) = (SpaceTree::new(&placed), SpaceTree::new(&other.vertices));
     check()?;
     let lies =
@@ -50,7 +51,7 @@ pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Op
                 tree.nearest(from[v as usize]).is_none_or(|image| {
                     let off = vector::sub(from[v as usize], to[image as usize]);
                     let above = vector::dot(normals[image as usize], off).abs();
-                    above > COINCIDENT || vector::norm(off) > BESIDE
+                    above > COINCIDENT * unit || vector::norm(off) > BESIDE * unit
                 })
             });
             strayed.count() as f64 <= STRAY * asked.len() as f64
