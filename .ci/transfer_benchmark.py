@@ -212,10 +212,9 @@ CUT_ROOM = 0.1
 
 
 def true_map(source, target, given, taker):
-    """The map that both bodies' addresses give, and the target's vertices where it is exact."""
-    exact, places = characters.truth(taker, given)
-    points = given.body.surface_point(taker.part, taker.axial, taker.angle)
-    points[exact] = places
+    """The known map, and the target's vertices whose counterpart has a closed form."""
+    exact, _ = characters.truth(taker, given)
+    points = characters.carried(taker.vertices, taker.body, given.body)
     return sgmds.SurfaceMap(
         source.mesh, target.mesh, *nearest_map(source, Side(points, target.faces, None))
     ), exact

@@ -100,10 +100,7 @@ def read_manifest(path, folder, anywhere):
         table = toml.read_toml(path)
         toml.check_keys(table, TOP, "the manifest")
         options = table.get("options", {})
-        toml.check_keys(options, {name: type(values[0]) for name, values in OPTIONS.items()}, "options")
-        for name, value in options.items():
-            if value not in OPTIONS[name]:
-                raise WrongRequestError(f"options: '{name}' should be one of {', '.join(OPTIONS[name])}")
+        toml.check_options(options, OPTIONS)
         home = path.parent
         if folder:
             folder = Path(folder).absolute()

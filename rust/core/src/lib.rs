@@ -28,6 +28,7 @@ pub mod quality;
 pub mod refinement;
 pub mod selection;
 pub mod shape;
+pub mod similarity;
 pub mod simplification;
 pub mod space_tree;
 pub mod spectral_gmds;

@@ -68,6 +68,8 @@ pub enum Part {
     Upsampling,
     /// Positions and normals in the refinement.
     Extrinsic,
+    /// The refinement's second way, by fewer eigenfunctions.
+    Detour,
     /// Steps of the refinement on the whole surface, locally rigid.
     Rigid,
     /// The own mirror symmetry of shapes that are not poses of one body.
@@ -78,7 +80,7 @@ pub enum Part {
 
 impl Part {
     /// All parts with their names.
-    pub const ALL: [(&'static str, Self); 10] = [
+    pub const ALL: [(&'static str, Self); 11] = [
         ("geodesic", Self::Geodesic),
         ("descriptors", Self::Descriptors),
         ("orientation", Self::Orientation),
@@ -86,6 +88,7 @@ impl Part {
         ("vote", Self::Vote),
         ("upsampling", Self::Upsampling),
         ("extrinsic", Self::Extrinsic),
+        ("detour", Self::Detour),
         ("rigid", Self::Rigid),
         ("symmetry", Self::Symmetry),
         ("retry", Self::Retry),

@@ -177,9 +177,15 @@ def _positive(text: str) -> int:
 def _output(text: str) -> Path:
     """A file to be written, in a folder that is there: said before hours of work, not after."""
     path = Path(text)
-    if not path.parent.is_dir():
-        raise argparse.ArgumentTypeError(f"{path}: there is no folder {path.parent}; please make it first")
+    if missing := _missing_folder(path):
+        raise argparse.ArgumentTypeError(missing)
     return path
+
+
+def _missing_folder(path: Path) -> str | None:
+    if path.parent.is_dir():
+        return None
+    return f"{path}: there is no folder {path.parent}; please make it first"
 
 
 def _landmark(text: str) -> tuple[int, int]:
@@ -215,8 +221,8 @@ def _match(options) -> int:
 
     if options.output.suffix != ".npz":
         return _fail(f"{options.output}: the map is saved as .npz; please name it so")
-    if not options.output.parent.is_dir():
-        return _fail(f"{options.output}: there is no folder {options.output.parent}; please make it first")
+    if missing := _missing_folder(options.output):
+        return _fail(missing)
     meshes: list = [read_mesh(options.source), read_mesh(options.target)]
     try:
         with _ProgressBar() as progress:

@@ -18,6 +18,7 @@ PARTS = (
     "geodesic",
     "orientation",
     "extrinsic",
+    "detour",
     "rigid",
     "descriptors",
     "search",

@@ -7,7 +7,6 @@ use rayon::prelude::*;
 use super::Correspondence;
 use super::correspondence::dense_map;
 use crate::confidence::local_distortion;
-use crate::descriptors::DETAIL_CURVATURES;
 use crate::error::{Error, Result};
 use crate::hints::Hints;
 use crate::map_search::{SampledPair, Width};
@@ -15,6 +14,7 @@ use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
 use crate::progress::Progress;
 use crate::quality;
 use crate::refinement::embedded_surface::{self, Refined};
+use crate::refinement::regions;
 use crate::selection::{self, Figures, Hypothesis};
 use crate::shape::Shape;
 use crate::symmetry;
@@ -199,28 +199,24 @@ fn fits_better_where_it_differs(
         let apart = vector::sub(at(&map.images, v), at(&other.images, v));
         vector::norm(apart) > ELSEWHERE
     };
-    let part: Vec<usize> = (0..target.mesh.vertices.len())
+    let part: Vec<u32> = (0..target.mesh.vertices.len())
         .filter(|&v| differs(v))
+        .map(|v| v as u32)
         .collect();
-    let share: f64 = part.iter().map(|&v| target.mass[v]).sum();
+    let share: f64 = part.iter().map(|&v| target.mass[v as usize]).sum();
     if part.is_empty() || share > PART_AT_MOST {
         return false;
     }
-    let mean = |value: &dyn Fn(usize) -> f64| -> f64 {
-        let sum: f64 = part.iter().map(|&v| target.mass[v] * value(v)).sum();
-        sum / share
-    };
     let misfit = |c: &Completed<'_>| -> f64 {
+        let squares = part
+            .iter()
+            .map(|&v| target.mass[v as usize] * c.distortion[v as usize].powi(2));
         let distances = if pair.uses(Part::Geodesic) {
-            mean(&|v| c.distortion[v].powi(2)).sqrt()
+            (squares.sum::<f64>() / share).sqrt()
         } else {
             1.0
         };
-        let (own, there) = (&target.descriptors.detail, &source.descriptors.detail);
-        (0..DETAIL_CURVATURES).fold(distances, |product, scale| {
-            let bend = |v: usize| (own[(v, scale)] - there[(c.images[v] as usize, scale)]).abs();
-            product * mean(&|v| f64::from(bend(v)))
-        })
+        distances * regions::misfit(target, source, &c.images, &part)
     };
     misfit(map) < misfit(other)
 }

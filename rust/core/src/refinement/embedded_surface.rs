@@ -2,8 +2,10 @@
 //!
 //! The target's surface, low-passed to k eigenfunctions, is deformed onto the source's by a smooth
 //! displacement; positions and normals then disambiguate what the spectrum alone leaves open. k
-//! grows until fingers and ears are there. At last the whole target is drawn onto the source, as
-//! rigidly as possible, and refines the map once more in the same way.
+//! grows until fingers and ears are there, several times: what slid along a limb comes back a little each
+//! time. A second way starts from fewer eigenfunctions, which turns back twisted limbs and twists others,
+//! and each region is taken from the way that is better there. At last the whole target is drawn onto
+//! the source, as rigidly as possible, and refines the map once more in the same way.
 //!
 //! # Source
 //! Eisenberger, Lähner, Cremers, "Smooth Shells", 2020, for the product embedding; fits, schedule
@@ -23,9 +25,10 @@ use crate::pair::{Mirror, Pair, Part};
 use crate::progress::Check;
 use crate::refinement::coinciding::{COINCIDENT, Coinciding, STRAY, coinciding};
 use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
+use crate::refinement::regions;
 use crate::refinement::rigid_surface::RigidSurface;
 use crate::shape::Shape;
-use crate::transfer::similarity::Similarity;
+use crate::similarity::Similarity;
 use crate::vector::{self, Point};
 
 /// Weights in the embedding beside the spectrum; insensitive within a factor of three.
@@ -69,33 +72,49 @@ const SMOOTHNESS_PAIR: usize = 20;
 /// Sweeps of the nearest neighbours at each step.
 const SWEEPS: usize = 3;
 
+/// Numbers of eigenfunctions, one a step, from the map that is given to fingers and ears.
+const CLIMB: &[usize] = &[60, 80, 100, 120];
+/// Those of the second way before it climbs.
+const DETOUR: &[usize] = &[15, 20, 30, 40, 15, 20, 30, 40];
+/// What the surfaces of all but the first climb are low-passed to at least, so that a limb is no line, which
+/// has no sides. The first one keeps a gorilla's leg from being twisted by doing without.
+const DETAIL: usize = 100;
+
 /// Which vertices take part in the fits, and for which numbers of eigenfunctions.
 #[derive(Debug, Clone, Copy)]
 pub struct Schedule {
+    /// Whether two ways climb first.
+    pub two_ways: bool,
     /// Numbers of eigenfunctions, one a step.
     pub sizes: &'static [usize],
-    /// Steps on the whole surface afterwards.
-    pub rigid_steps: usize,
+    /// What the surfaces are low-passed to in these steps at least.
+    pub detail: usize,
+    /// Numbers of eigenfunctions of the steps on the whole surface afterwards.
+    pub rigid_sizes: &'static [usize],
     /// Only this many vertices of each shape ask, all when `None`.
     pub drawn: Option<usize>,
 }
 
-/// The full schedule: 60 to 150 eigenfunctions in equal ratios, then on the whole surface.
+/// The full schedule: two ways, 60 to 150 eigenfunctions in equal ratios, then on the whole surface.
 pub const FULL: Schedule = Schedule {
+    two_ways: true,
     sizes: &[60, 70, 81, 95, 111, 129, 150],
-    rigid_steps: 8,
+    detail: DETAIL,
+    rigid_sizes: &[60, 90, 120, 150, 150, 150, 150, 150],
     drawn: None,
 };
 
 /// The short one, by which candidates are compared.
 pub const SHORT: Schedule = Schedule {
+    two_ways: false,
     sizes: &[60, 76, 95, 120, 120],
-    rigid_steps: 0,
+    detail: 0,
+    rigid_sizes: &[],
     drawn: Some(800),
 };
 
 /// One shape's part in a refinement.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Side<'a> {
     shape: &'a Shape,
     /// Vertices that ask.
@@ -123,7 +142,7 @@ pub struct Side<'a> {
 }
 
 /// Where a refinement stands.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Refined<'a> {
     /// The shape that is deformed.
     pub target: Side<'a>,
@@ -147,19 +166,24 @@ pub fn refined<'a>(
     schedule: Schedule,
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Refined<'a>> {
-    let (target, source) = (pair.target, pair.source);
     let start = || report(0.0);
     let mut state = Refined::start(pair, matrix, schedule.drawn, &start)?;
     state.rotate_target_onto_source();
-    let most = target.basis.values.len().min(source.basis.values.len());
-    let steps = (schedule.sizes.len() + schedule.rigid_steps) as f64;
-    for (step, &size) in schedule.sizes.iter().enumerate() {
-        let check = || report(step as f64 / steps);
-        state.advance(size.min(most), &check)?;
+    let before = if schedule.two_ways {
+        2 * CLIMB.len()
+    } else {
+        0
+    };
+    let steps = (before + schedule.sizes.len() + schedule.rigid_sizes.len()) as f64;
+    if schedule.two_ways {
+        state.take_two_ways(pair.uses(Part::Detour), &|step| report(step as f64 / steps))?;
     }
-    if schedule.rigid_steps > 0 && pair.uses(Part::Extrinsic) && pair.uses(Part::Rigid) {
-        state.settle_whole_surface(schedule.rigid_steps, &|step| {
-            report((schedule.sizes.len() + step) as f64 / steps)
+    state.climb(schedule.sizes, schedule.detail, &|step| {
+        report((before + step) as f64 / steps)
+    })?;
+    if !schedule.rigid_sizes.is_empty() && pair.uses(Part::Extrinsic) && pair.uses(Part::Rigid) {
+        state.settle_whole_surface(schedule.rigid_sizes, &|step| {
+            report((before + schedule.sizes.len() + step) as f64 / steps)
         })?;
         state.settle_coinciding(&|| report(1.0))?;
     }
@@ -285,7 +309,13 @@ impl<'a> Side<'a> {
         self.shape.functions(k)
     }
 
+    /// How many eigenfunctions there are.
+    fn most(&self) -> usize {
+        self.shape.basis.values.len()
+    }
+
     fn low_pass(&mut self, k: usize) {
+        let k = k.min(self.most());
         self.smoothed = dense::product(self.basis(k), self.coordinates.get(..k, ..));
     }
 
@@ -415,11 +445,67 @@ impl<'a> Refined<'a> {
         Ok(state)
     }
 
-    /// One step at k eigenfunctions: displacement, map, embeddings, images.
-    fn advance(&mut self, k: usize, check: Check<'_>) -> Result<()> {
+    /// Climbs as it stands and by way of few eigenfunctions, joins what is better of both, and climbs
+    /// again.
+    fn take_two_ways(
+        &mut self,
+        detour: bool,
+        report: &(dyn Fn(usize) -> Result<()> + Sync),
+    ) -> Result<()> {
+        let mut other = detour.then(|| self.clone());
+        let (straight, around) = rayon::join(
+            || self.climb(CLIMB, 0, report),
+            || {
+                other.as_mut().map_or(Ok(()), |other| {
+                    other.climb(DETOUR, DETAIL, &|_| report(0))?;
+                    other.climb(CLIMB, DETAIL, &|_| report(0))
+                })
+            },
+        );
+        straight.and(around)?;
+        if let Some(other) = other {
+            self.adopt_better_regions(&other);
+        }
+        self.climb(CLIMB, DETAIL, &|step| report(CLIMB.len() + step))
+    }
+
+    fn climb(
+        &mut self,
+        sizes: &[usize],
+        detail: usize,
+        report: &(dyn Fn(usize) -> Result<()> + Sync),
+    ) -> Result<()> {
+        let most = self.target.most().min(self.source.most());
+        for (step, &size) in sizes.iter().enumerate() {
+            self.advance(size.min(most), detail, &|| report(step))?;
+        }
+        Ok(())
+    }
+
+    /// Takes over the images of another refinement of this pair where they are better, and those of the
+    /// source's vertices that lie there on either map.
+    fn adopt_better_regions(&mut self, other: &Self) {
+        let (own, others) = (&mut self.target.images.vertex, &other.target.images.vertex);
+        let better = regions::better_elsewhere(self.target.shape, self.source.shape, own, others);
+        for ((image, &there), &better) in own.iter_mut().zip(others).zip(&better) {
+            if better {
+                *image = there;
+            }
+        }
+        let (own, others) = (&mut self.source.images.vertex, &other.source.images.vertex);
+        for (image, &there) in own.iter_mut().zip(others) {
+            if better[*image as usize] || better[there as usize] {
+                *image = there;
+            }
+        }
+    }
+
+    /// One step at k eigenfunctions: displacement of surfaces low-passed to k, or to more where the
+    /// `detail` is, map, embeddings, images.
+    fn advance(&mut self, k: usize, detail: usize, check: Check<'_>) -> Result<()> {
         check()?;
-        self.target.low_pass(k);
-        self.source.low_pass(k);
+        self.target.low_pass(k.max(detail));
+        self.source.low_pass(k.max(detail));
         let at_images = self.at_images(k);
         let (deformed, matrix) = rayon::join(
             || self.displaced(&at_images, check),
@@ -435,19 +521,19 @@ impl<'a> Refined<'a> {
     /// possible, and takes the place of the low-passed surface in the embedding.
     fn settle_whole_surface(
         &mut self,
-        steps: usize,
+        sizes: &[usize],
         report: &(dyn Fn(usize) -> Result<()> + Sync),
     ) -> Result<()> {
-        let k = self.matrix.nrows();
+        let most = self.matrix.nrows();
         let target = &self.target.shape.mesh;
         let whole_source = as_matrix(&self.source.shape.mesh.vertices);
         let start = (0..self.deformed.nrows())
             .map(|i| [0, 1, 2].map(|c| self.deformed[(i, c)]))
             .collect();
         let mut surface = RigidSurface::new(&target.vertices, &target.faces, start);
-        for step in 0..steps {
+        for (step, &size) in sizes.iter().enumerate() {
             let check = || report(step);
-            let at_images = self.at_images(k);
+            let at_images = self.at_images(size.min(most));
             let (drawn, matrix) = rayon::join(
                 || surface.drawn_to(&self.pulls(), &check),
                 || self.mapped(&at_images, &check),

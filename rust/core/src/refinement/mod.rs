@@ -3,5 +3,6 @@
 pub mod coinciding;
 pub mod embedded_surface;
 pub mod propagation;
+pub mod regions;
 pub mod rigid_surface;
 pub mod upsampling;

@@ -1,8 +1,8 @@
 //! How a map turns and scales the surroundings of each vertex.
 
-use faer::{Mat, Side};
 use rayon::prelude::*;
 
+use crate::similarity::nearest_turn;
 use crate::transfer::surface::blend;
 use crate::transfer::surface_map::SurfaceMap;
 use crate::vector::{self, Point};
@@ -158,92 +158,4 @@ fn usual_scale(moments: &[Moments]) -> f64 {
 
 fn outer(a: Point, b: Point) -> Matrix {
     a.map(|x| vector::scaled(b, x))
-}
-
-/// The rotation, or with `mirrored` the rotation times −1, with the largest `Σ turn · matrix`.
-#[must_use]
-pub fn nearest_turn(matrix: &Matrix, mirrored: bool) -> Matrix {
-    let sign = if mirrored { -1.0 } else { 1.0 };
-    let size = matrix
-        .iter()
-        .map(|r| vector::dot(*r, *r))
-        .sum::<f64>()
-        .sqrt();
-    let identity = [[sign, 0.0, 0.0], [0.0, sign, 0.0], [0.0, 0.0, sign]];
-    if size.is_nan() || size <= 0.0 {
-        return identity;
-    }
-    // Horn's symmetric matrix of the covariance Σ source · targetᵀ.
-    let s = |i: usize, j: usize| sign * matrix[j][i] / size;
-    let rows = [
-        [
-            s(0, 0) + s(1, 1) + s(2, 2),
-            s(1, 2) - s(2, 1),
-            s(2, 0) - s(0, 2),
-            s(0, 1) - s(1, 0),
-        ],
-        [
-            s(1, 2) - s(2, 1),
-            s(0, 0) - s(1, 1) - s(2, 2),
-            s(0, 1) + s(1, 0),
-            s(2, 0) + s(0, 2),
-        ],
-        [
-            s(2, 0) - s(0, 2),
-            s(0, 1) + s(1, 0),
-            s(1, 1) - s(0, 0) - s(2, 2),
-            s(1, 2) + s(2, 1),
-        ],
-        [
-            s(0, 1) - s(1, 0),
-            s(2, 0) + s(0, 2),
-            s(1, 2) + s(2, 1),
-            s(2, 2) - s(0, 0) - s(1, 1),
-        ],
-    ];
-    let horn = Mat::from_fn(4, 4, |i, j| rows[i][j]);
-    let Ok(eigen) = horn.self_adjoint_eigen(Side::Lower) else {
-        return identity;
-    };
-    let q = eigen.U().col(3);
-    let (w, x, y, z) = (q[0], q[1], q[2], q[3]);
-    let length = w * w + x * x + y * y + z * z;
-    let turn = [
-        [
-            w * w + x * x - y * y - z * z,
-            2.0 * (x * y - w * z),
-            2.0 * (x * z + w * y),
-        ],
-        [
-            2.0 * (x * y + w * z),
-            w * w - x * x + y * y - z * z,
-            2.0 * (y * z - w * x),
-        ],
-        [
-            2.0 * (x * z - w * y),
-            2.0 * (y * z + w * x),
-            w * w - x * x - y * y + z * z,
-        ],
-    ];
-    turn.map(|row| vector::scaled(row, sign / length))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_turn_and_a_mirror_come_back() {
-        let (c, s) = (0.3f64.cos(), 0.3f64.sin());
-        let turn = [[c, -s, 0.0], [s * c, c * c, -s], [s * s, s * c, c]];
-        for (factor, mirrored) in [(2.0, false), (-2.0, true)] {
-            let matrix = turn.map(|r| vector::scaled(r, factor));
-            let found = nearest_turn(&matrix, mirrored);
-            for (row, expected) in found.iter().zip(turn) {
-                for (x, e) in row.iter().zip(expected) {
-                    assert!((x - e * factor.signum()).abs() < 1e-12);
-                }
-            }
-        }
-    }
 }

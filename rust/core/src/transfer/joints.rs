@@ -3,7 +3,7 @@
 use rayon::prelude::*;
 
 use crate::error::{Error, Result};
-use crate::transfer::similarity::Similarity;
+use crate::similarity::Similarity;
 use crate::transfer::skin_weights::SkinWeights;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
 use crate::vector::{self, Point};

@@ -13,7 +13,6 @@ pub mod labels;
 pub mod layout;
 pub mod parts;
 pub mod seam_cuts;
-pub mod similarity;
 pub mod skin_weights;
 pub mod surface;
 pub mod surface_map;

@@ -3,8 +3,8 @@
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::pointwise_map::SurfacePoint;
+use crate::similarity::Similarity;
 use crate::space_tree::SpaceTree;
-use crate::transfer::similarity::Similarity;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
 use crate::transfer::unions::Unions;

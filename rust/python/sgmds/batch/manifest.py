@@ -129,6 +129,14 @@ def check_keys(table, allowed: dict, where: str):
             raise ArgumentError(f"{where}: {key!r} cannot be {value!r}")
 
 
+def check_options(table, allowed: dict[str, tuple]):
+    """Every option is known and has one of its values, or `ArgumentError` says which has not."""
+    check_keys(table, {name: type(values[0]) for name, values in allowed.items()}, "options")
+    for key, value in table.items():
+        if value not in allowed[key]:
+            raise ArgumentError(f"options: {key!r} should be one of {allowed[key]}, got {value!r}")
+
+
 TOP = {
     "output": str,
     "maps": (bool, str),
@@ -162,7 +170,8 @@ def read(path, output=None, anywhere=False) -> Batch:
     try:
         table = read_toml(path)
         check_keys(table, TOP, "the manifest")
-        options = _options(table.get("options", {}))
+        options = table.get("options", {})
+        check_options(options, OPTIONS)
         folder = Path(output).absolute() if output else within(home, table.get("output", path.stem), anywhere)
         maps = table.get("maps", True)
         map_name = {True: MAP_NAME, False: None}.get(maps, maps)
@@ -199,14 +208,6 @@ def read(path, output=None, anywhere=False) -> Batch:
     except ArgumentError as error:
         raise ArgumentError(f"{path}: {error}") from error
     return batch
-
-
-def _options(table):
-    check_keys(table, {name: type(values[0]) for name, values in OPTIONS.items()}, "options")
-    for key, value in table.items():
-        if value not in OPTIONS[key]:
-            raise ArgumentError(f"options: {key!r} should be one of {OPTIONS[key]}, got {value!r}")
-    return table
 
 
 def check_map_name(name, where, placeholders):
