@@ -145,7 +145,9 @@ def test_a_piece_is_found_where_it_lies_on_its_whole(resolution):
         far = np.linalg.norm(places - piece[0], axis=1)
         edges = piece[0][piece[1]] - piece[0][np.roll(piece[1], 1, axis=1)]
         # The place in the triangle is found with the spectrum too, which differs between piece and whole.
-        assert far.mean() < 0.05 * np.linalg.norm(edges, axis=-1).mean()
+        # Single vertices may be off where both meshes were simplified.
+        missed = far.max() if resolution < 20_000 else far.mean()
+        assert missed < 0.05 * np.linalg.norm(edges, axis=-1).mean()
     lacking = np.setdiff1d(np.arange(len(whole[0])), kept)
     assert np.median(to_whole.confidence[lacking]) < 0.1 < 0.8 < np.median(to_whole.confidence[kept])
 
