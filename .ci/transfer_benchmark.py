@@ -4,13 +4,15 @@
 
 Generated characters know which points correspond, and carry exact weights and a layout. FOLDER, if given, is
 a set of characters as OBJ files with `pairs.txt` (target, source), `corr_pairs` and `weights`, of which only
-weights are measured. Needs bpy and the "tools" extra.
+weights are measured, where the target has a counterpart: for the pairs of the list, and for all that stand in
+one rest pose. Needs bpy and the "tools" extra.
 """
 
 import argparse
 import json
 import sys
 import time
+from itertools import permutations
 from pathlib import Path
 
 import bpy
@@ -416,11 +418,31 @@ def read_obj(path):
     return np.array(vertices), np.array(faces)
 
 
+def folder_pairs(folder):
+    """Target and source of each line of `pairs.txt`, then of characters in their rest pose."""
+    listed = [tuple(line.split()) for line in (folder / "pairs.txt").read_text().splitlines()]
+    resting = sorted(path.stem for path in folder.glob("*-rest.obj"))
+    return listed + [pair for pair in permutations(resting, 2) if pair not in listed]
+
+
+def counterparts(folder, taker, given, count):
+    """The source's vertex for each of the target's, by any pair of these topologies; -1 where unknown."""
+    topologies = [name.split("-")[0] for name in (taker, given)]
+    if topologies[0] == topologies[1]:
+        return np.arange(count)
+    found = np.full(count, -1)
+    for own, (first, second) in ((1, topologies[::-1]), (0, topologies)):
+        for path in (folder / "corr_pairs").glob(f"{first}-*__{second}-*.txt"):
+            if not path.name.endswith(".sym.txt"):
+                lines = np.loadtxt(path, dtype=int)
+                found[lines[:, own]] = lines[:, 1 - own]
+    return found
+
+
 def folder_tables(folder):
-    """Weights of a folder of characters, target and source of each line of `pairs.txt`."""
+    """Weights of a folder of characters."""
     folder = Path(folder)
-    for line in (folder / "pairs.txt").read_text().splitlines():
-        taker, given = line.split()
+    for taker, given in folder_pairs(folder):
         kept = [json.loads((folder / f"weights/{n.split('-')[0]}.json").read_text()) for n in (given, taker)]
         names = sorted(set(kept[0]["groups"]) | set(kept[1]["groups"]))
         sides = []
@@ -443,6 +465,10 @@ def folder_tables(folder):
         weights = {name: carried_weights(way, source) for name, way in ways.items()}
         weights["modifier"] = data_transfer(source, target)[0]
         asked = (corr.confidence > 0) & (target.weights.sum(axis=1) > 0.5)
+        known = counterparts(folder, taker, given, len(target.vertices))
+        if (known >= 0).any():
+            asked &= known >= 0
+            weights["true map"] = source.weights[known]
         figures = {"weight error, mean %": {}, "weight error, 95 % quantile": {}}
         turns = bone_turns(len(names))
         true_pose = shaken(target.vertices, target.weights, bone_centres(target), turns)

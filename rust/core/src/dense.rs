@@ -173,6 +173,18 @@ impl Rows {
         out
     }
 
+    /// Sum of the squares of each coordinate, `(dims)`.
+    #[must_use]
+    pub fn squares(&self) -> Vec<f32> {
+        let mut sums = vec![0.0; self.dims];
+        for row in self.data.chunks_exact(self.dims) {
+            for (sum, x) in sums.iter_mut().zip(row) {
+                *sum += x * x;
+            }
+        }
+        sums
+    }
+
     /// First `columns` columns of a matrix as rows.
     #[must_use]
     pub fn from_matrix(matrix: MatRef<'_, f64>, columns: usize) -> Self {

@@ -63,8 +63,6 @@ pub(super) struct BlockLanczos<'a> {
     projected: Mat<f64>,
     size: usize,
     workspace: MemBuffer,
-    /// Inner products of a block with the basis, `(capacity, BLOCK)`.
-    products: Mat<f64>,
 }
 
 impl<'a> BlockLanczos<'a> {
@@ -85,10 +83,9 @@ impl<'a> BlockLanczos<'a> {
             projected: Mat::zeros(capacity, capacity),
             size: 0,
             workspace: factor.workspace(BLOCK),
-            products: Mat::zeros(capacity, BLOCK),
         };
         let mut start = Mat::from_fn(n, BLOCK, |i, j| noise((i * BLOCK + j) as u64));
-        lanczos.remove_basis(start.as_mut());
+        lanczos.remove_basis(start.as_mut(), 0);
         lanczos.orthonormalise(&mut start);
         lanczos.basis.subcols_mut(0, BLOCK).copy_from(&start);
         lanczos
@@ -182,13 +179,19 @@ impl<'a> BlockLanczos<'a> {
             }
         }
         self.size += BLOCK;
-        self.remove_basis(block.as_mut());
+        // Every other block waits for the next one: the basis, which is far larger than what the nearest cache
+        // holds, is then read for two at a time.
+        if self.size.is_multiple_of(2 * BLOCK) {
+            self.remove_basis_from_two(&mut block);
+        } else {
+            self.remove_basis(block.as_mut(), 0);
+        }
         let mut triangle = self.orthonormalise(&mut block);
         let least = (0..BLOCK)
             .map(|i| triangle[(i, i)].abs())
             .fold(f64::MAX, f64::min);
         if least < CANCELLATION * before {
-            self.remove_basis(block.as_mut());
+            self.remove_basis(block.as_mut(), self.size);
             triangle = self.orthonormalise(&mut block) * triangle;
         }
         let m = self.size;
@@ -205,20 +208,41 @@ impl<'a> BlockLanczos<'a> {
         scale_rows(x, self.root_mass);
     }
 
-    /// `X ← (I − ddᵀ)(I − QQᵀ)X`.
-    fn remove_basis(&mut self, mut x: MatMut<'_, f64>) {
-        if self.size > 0 {
-            let basis = self.basis.subcols(0, self.size);
-            let mut products = self.products.subrows_mut(0, self.size);
+    /// Removes all but the basis's last block from that block, which has waited, and from the next one.
+    fn remove_basis_from_two(&mut self, next: &mut Mat<f64>) {
+        let known = self.size - BLOCK;
+        let mut both = Mat::zeros(self.basis.nrows(), 2 * BLOCK);
+        both.subcols_mut(0, BLOCK)
+            .copy_from(self.basis.subcols(known, BLOCK));
+        both.subcols_mut(BLOCK, BLOCK).copy_from(&*next);
+        self.remove_basis(both.as_mut(), known);
+        self.basis
+            .subcols_mut(known, BLOCK)
+            .copy_from(both.subcols(0, BLOCK));
+        next.copy_from(both.subcols(BLOCK, BLOCK));
+    }
+
+    /// `X ← (I − ddᵀ)(I − QQᵀ)X`, Q the first columns of the basis.
+    fn remove_basis(&self, mut x: MatMut<'_, f64>, columns: usize) {
+        if columns > 0 {
+            let basis = self.basis.subcols(0, columns);
+            let mut products = Mat::zeros(x.ncols(), columns);
             matmul(
                 &mut products,
                 Accum::Replace,
-                basis.transpose(),
-                &x,
+                x.rb().transpose(),
+                basis,
                 1.0,
                 Par::Seq,
             );
-            matmul(&mut x, Accum::Add, basis, &products, -1.0, Par::Seq);
+            matmul(
+                &mut x,
+                Accum::Add,
+                basis,
+                products.transpose(),
+                -1.0,
+                Par::Seq,
+            );
         }
         let along = self.deflated.transpose() * &x;
         matmul(&mut x, Accum::Add, &self.deflated, &along, -1.0, Par::Seq);
@@ -236,7 +260,7 @@ impl<'a> BlockLanczos<'a> {
         let qr = x.qr();
         let triangle = qr.thin_R().to_owned();
         *x = qr.compute_thin_Q();
-        self.remove_basis(x.as_mut());
+        self.remove_basis(x.as_mut(), self.size);
         let again = x.qr();
         *x = again.compute_thin_Q();
         again.thin_R().to_owned() * triangle
@@ -292,7 +316,6 @@ impl<'a> BlockLanczos<'a> {
         let new = (old + old / 4).next_multiple_of(BLOCK);
         self.basis.resize_with(n, new, |_, _| 0.0);
         self.projected.resize_with(new, new, |_, _| 0.0);
-        self.products.resize_with(new, BLOCK, |_, _| 0.0);
     }
 }
 

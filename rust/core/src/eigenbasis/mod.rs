@@ -69,7 +69,7 @@ impl Eigenbasis {
     /// # Source
     /// Grimes, Lewis, Simon, "A shifted block Lanczos algorithm for solving sparse symmetric
     /// generalized eigenproblems", 1994. Where we part: one shift, placed inside the wanted
-    /// spectrum; the known constant is deflated; orthogonalisation is full.
+    /// spectrum; the known constant is deflated; blocks are made orthogonal to all before them, two at a time.
     pub fn new(
         laplacian: &Laplacian,
         k: usize,
