@@ -249,7 +249,8 @@ pub fn restore(data: &[u8]) {
     } else {
         Metric::Euclidean
     };
-    let [n, k, m, s] = if right { [48, 10, 20, 8] } else { sizes };
+    // 48 vertices are cut to four times as many.
+    let [n, k, m, s] = if right { [192, 10, 20, 8] } else { sizes };
     let mut values: Vec<f64> = (0..k).map(|i| i as f64).collect();
     let mut functions = Mat::from_fn(n, k, |i, j| ((i * j) as f64).cos());
     let mut farthest: Vec<u32> = (0..m as u32).collect();

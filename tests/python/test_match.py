@@ -54,6 +54,24 @@ def test_saved_map_comes_back(corr, tmp_path):
         assert np.array_equal(getattr(again, name), getattr(corr, name))
 
 
+def test_a_mesh_of_few_vertices_keeps_its_own_spectrum_and_functional_map(tmp_path):
+    """Although the map is sought on a finer one."""
+    body = characters.make("biped", "slender", "rest", resolution=1000)
+    shape = sgmds.Shape(body.vertices, body.faces)
+    assert len(body.vertices) < shape._core.working_vertices
+    assert set(shape.samples) <= set(range(len(body.vertices)))
+    k = len(shape.eigenvalues)
+    gram = shape.eigenfunctions.T @ (shape.mass[:, None] * shape.eigenfunctions)
+    # The bound of the eigensolver's tests.
+    assert np.abs(gram - np.eye(k)).max() < 1e-9
+    corr = sgmds.match(shape, shape)
+    corr.save(tmp_path / "map.npz")
+    alpha = sgmds.Correspondence.load(tmp_path / "map.npz").functional_map
+    assert np.array_equal(alpha, corr.functional_map)
+    # A shape onto itself; the ridge of the fit takes a thousandth.
+    assert np.abs(alpha - np.eye(len(alpha))).max() < 2e-3
+
+
 def test_same_answer_for_any_number_of_threads(source, stout, corr):
     again = sgmds.match(source, (stout.vertices, stout.faces), threads=1)
     assert np.array_equal(again.faces, corr.faces) and np.array_equal(again.barycentric, corr.barycentric)

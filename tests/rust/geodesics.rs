@@ -78,7 +78,7 @@ fn sphere_against_great_circles() {
         let (vertices, faces) = sphere(levels);
         let mesh = Mesh::new(&vertices, &faces).unwrap();
         let marching = FastMarching::new(&mesh);
-        let sources = farthest_points(&marching, &mesh, 6, &never).unwrap();
+        let sources = farthest_points(&marching, &mesh, mesh.vertices.len(), 6, &never).unwrap();
         let distances = distances_from(&marching, &sources, &never).unwrap();
         let (mut sum, mut count) = (0.0, 0);
         for (j, &s) in sources.iter().enumerate() {
@@ -213,7 +213,7 @@ fn nearly_a_metric() {
     }
     let mesh = Mesh::new(&vertices, &faces).unwrap();
     let marching = FastMarching::new(&mesh);
-    let samples = farthest_points(&marching, &mesh, 40, &never).unwrap();
+    let samples = farthest_points(&marching, &mesh, mesh.vertices.len(), 40, &never).unwrap();
     let distances = distances_from(&marching, &samples, &never).unwrap();
     let d = |i: usize, j: usize| distances[(samples[i] as usize, j)];
     for i in 0..40 {
@@ -258,8 +258,16 @@ fn samples_follow_the_shape() {
         .collect();
     let first = Mesh::new(&vertices, &faces).unwrap();
     let second = Mesh::new(&moved, &renumbered).unwrap();
-    let [a, b] = [&first, &second]
-        .map(|mesh| farthest_points(&FastMarching::new(mesh), mesh, 100, &never).unwrap());
+    let [a, b] = [&first, &second].map(|mesh| {
+        farthest_points(
+            &FastMarching::new(mesh),
+            mesh,
+            mesh.vertices.len(),
+            100,
+            &never,
+        )
+        .unwrap()
+    });
     let image: Vec<u32> = a.iter().map(|&v| place(v as usize) as u32).collect();
     assert_eq!(image, b);
     let mut unique = a.clone();
@@ -272,7 +280,14 @@ fn samples_follow_the_shape() {
 fn samples_stop_at_the_last_vertex() {
     let (vertices, faces) = grid(6, 0.0);
     let mesh = Mesh::new(&vertices, &faces).unwrap();
-    let samples = farthest_points(&FastMarching::new(&mesh), &mesh, 1000, &never).unwrap();
+    let samples = farthest_points(
+        &FastMarching::new(&mesh),
+        &mesh,
+        mesh.vertices.len(),
+        1000,
+        &never,
+    )
+    .unwrap();
     assert_eq!(samples.len(), mesh.vertices.len());
 }
 
@@ -299,7 +314,7 @@ fn cancelling_and_bad_sources_are_errors() {
     let marching = FastMarching::new(&mesh);
     let cancelled = || true;
     assert_eq!(
-        farthest_points(&marching, &mesh, 5, &cancelled),
+        farthest_points(&marching, &mesh, mesh.vertices.len(), 5, &cancelled),
         Err(Error::Cancelled)
     );
     assert_eq!(

@@ -41,7 +41,7 @@ fn each_region_is_taken_from_the_map_that_is_right_there() {
     // Each is wrong at its own pole only, so that the other is better there and nowhere else. Near the axis a
     // turn moves vertices by less than what counts as elsewhere.
     for (own, other) in [(&top, &bottom), (&bottom, &top)] {
-        let better = better_elsewhere(&shape, &shape, own, other);
+        let better = better_elsewhere(&shape, &shape, 1.0, own, other);
         let wrong = right
             .iter()
             .zip(own)
@@ -53,5 +53,5 @@ fn each_region_is_taken_from_the_map_that_is_right_there() {
             assert!(!b || own[v] != right[v], "vertex {v} was right");
         }
     }
-    assert!(!better_elsewhere(&shape, &shape, &right, &top).contains(&true));
+    assert!(!better_elsewhere(&shape, &shape, 1.0, &right, &top).contains(&true));
 }

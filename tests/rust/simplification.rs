@@ -100,7 +100,7 @@ fn a_border_shrinks_along_itself() {
 fn points_return_from_the_simplified_mesh() {
     let (vertices, faces) = icosphere(5);
     let mesh = Mesh::new(&vertices, &faces).unwrap();
-    let (working, full) = FullResolution::new(mesh, 1000, &Progress::default()).unwrap();
+    let (working, full) = FullResolution::simplified(mesh, 1000, &Progress::default()).unwrap();
     let back = full.located(&full.points, &working, &|| Ok(())).unwrap();
     let edge = (4.0 / 3.0f64.sqrt() / 2000.0).sqrt();
     for (v, point) in back.iter().enumerate() {

@@ -79,7 +79,15 @@ fn solves_of_200_eigenpairs(bencher: Bencher) {
 fn samples(bencher: Bencher) {
     let mesh = mesh(RINGS);
     let marching = FastMarching::new(&mesh);
-    bencher.bench(|| farthest_points(black_box(&marching), &mesh, 500, &|| false));
+    bencher.bench(|| {
+        farthest_points(
+            black_box(&marching),
+            &mesh,
+            mesh.vertices.len(),
+            500,
+            &|| false,
+        )
+    });
 }
 
 #[divan::bench]

@@ -26,7 +26,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let marching = FastMarching::new(&mesh);
     println!("layout {:.3} ms", begin.elapsed().as_secs_f64() * 1e3);
     let begin = Instant::now();
-    let samples = farthest_points(&marching, &mesh, 500, &|| false)?;
+    let samples = farthest_points(&marching, &mesh, mesh.vertices.len(), 500, &|| false)?;
     println!("500 samples {:.3} ms", begin.elapsed().as_secs_f64() * 1e3);
 
     let sources = &samples[..count.min(samples.len())];

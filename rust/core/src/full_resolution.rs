@@ -1,10 +1,11 @@
-//! The given mesh of a shape whose map is sought on a simplified one, and points between both.
+//! The given mesh of a shape whose map is sought on a simplified or a finer one, and points between both.
 
 use std::sync::{Arc, Mutex, PoisonError};
 
 use faer::Mat;
 use rayon::prelude::*;
 
+use crate::bisection::{Bisected, Piece, bisected};
 use crate::distance_operator;
 use crate::eigenbasis::Eigenbasis;
 use crate::error::Result;
@@ -16,18 +17,21 @@ use crate::progress::{Check, Progress};
 use crate::simplification::simplified;
 use crate::vector::{self, Point};
 
-/// A given mesh beside its simplified one.
+/// A given mesh beside the working mesh on which its map is sought: a simplified one, or the same surface
+/// with more vertices.
 ///
 /// Memory: about 250 bytes a given vertex.
 #[derive(Debug)]
 pub struct FullResolution {
     /// The given mesh, checked.
     pub mesh: Mesh,
-    /// Vertex of the given mesh at each vertex of the simplified one.
+    /// Vertex of the given mesh at each vertex of the working one, close to it when it has more.
     pub kept: Vec<u32>,
-    /// Where each vertex lies on the simplified mesh.
+    /// Where each vertex lies on the working mesh.
     pub points: Vec<SurfacePoint>,
-    /// Vertices that lie on each face of the simplified mesh.
+    /// Where each face of the working mesh lies on the given one; nothing when it was simplified.
+    pieces: Option<Vec<Piece>>,
+    /// Vertices that lie on each face of the working mesh.
     on_face: Adjacency,
     /// Faces around each vertex.
     vertex_faces: Adjacency,
@@ -56,7 +60,7 @@ impl FullResolution {
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`]; those of [`Mesh::new`].
-    pub fn new(mesh: Mesh, wanted: usize, progress: &Progress) -> Result<(Mesh, Self)> {
+    pub fn simplified(mesh: Mesh, wanted: usize, progress: &Progress) -> Result<(Mesh, Self)> {
         let coarse = simplified(&mesh, wanted, &|| progress.is_cancelled())?;
         let positions: Vec<Point> = coarse
             .kept
@@ -102,28 +106,84 @@ impl FullResolution {
                 Ok(ground.closest(p, normal, number[anchor as usize]))
             })
             .collect::<Result<_>>()?;
+        let full = Self::beside(&working, mesh, kept, points, None);
+        Ok((working, full))
+    }
+
+    /// Cuts a mesh finer, to `wanted` vertices: the finer mesh, in which the given vertices come first, and
+    /// the given one beside it.
+    #[must_use]
+    pub fn refined(mesh: Mesh, wanted: usize) -> (Mesh, Self) {
+        let Bisected {
+            vertices,
+            faces,
+            pieces,
+            close,
+            ..
+        } = bisected(&mesh, wanted);
+        let working = Mesh {
+            vertices,
+            faces,
+            input_vertex: close
+                .iter()
+                .map(|&v| mesh.input_vertex[v as usize])
+                .collect(),
+            input_face: pieces
+                .iter()
+                .map(|p| mesh.input_face[p.face as usize])
+                .collect(),
+            turned: pieces
+                .iter()
+                .map(|p| mesh.turned[p.face as usize])
+                .collect(),
+            scale: mesh.scale,
+            centre: mesh.centre,
+            report: mesh.report.clone(),
+            input_positions: mesh.input_positions.clone(),
+        };
+        let vertex_faces = working.vertex_faces();
+        let points = (0..mesh.vertices.len() as u32)
+            .map(|v| SurfacePoint::at_corner(&working.faces, vertex_faces.row(v as usize)[0], v))
+            .collect();
+        let full = Self::beside(&working, mesh, close, points, Some(pieces));
+        (working, full)
+    }
+
+    fn beside(
+        working: &Mesh,
+        mesh: Mesh,
+        kept: Vec<u32>,
+        points: Vec<SurfacePoint>,
+        pieces: Option<Vec<Piece>>,
+    ) -> Self {
         let on_face = Adjacency::from_lists(
             working.faces.len(),
             points.iter().zip(0..).map(|(p, v)| (p.face, v)),
         );
-        let full = Self {
+        Self {
             vertex_faces: mesh.vertex_faces(),
             mesh,
             kept,
             points,
+            pieces,
             on_face,
             spectrum: Mutex::new(None),
-        };
-        Ok((working, full))
+        }
     }
 
-    /// Vertices whose points lie on a face of the simplified mesh.
+    /// Whether the working mesh is the finer one.
+    #[must_use]
+    pub fn is_finer(&self) -> bool {
+        self.pieces.is_some()
+    }
+
+    /// Vertices whose points lie on a face of the working mesh.
     #[must_use]
     pub fn on_face(&self, face: u32) -> &[u32] {
         self.on_face.row(face as usize)
     }
 
-    /// Vertex of the simplified mesh nearest to a given one.
+    /// Vertex of the working mesh nearest to a given one.
     #[must_use]
     pub fn working_vertex(&self, vertex: u32, working: &Mesh) -> u32 {
         let SurfacePoint { face, weights } = self.points[vertex as usize];
@@ -134,7 +194,7 @@ impl FullResolution {
         working.faces[face as usize][largest]
     }
 
-    /// Values at the vertices of the simplified mesh, carried to the given vertices.
+    /// Values at the vertices of the working mesh, carried to the given vertices.
     #[must_use]
     pub fn carried(&self, values: &[f64], working: &Mesh) -> Vec<f64> {
         self.points
@@ -148,7 +208,7 @@ impl FullResolution {
             .collect()
     }
 
-    /// Points of the simplified mesh as points of the given one.
+    /// Points of the working mesh as points of the given one.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`].
@@ -158,6 +218,10 @@ impl FullResolution {
         working: &Mesh,
         check: Check<'_>,
     ) -> Result<Vec<SurfacePoint>> {
+        if let Some(pieces) = &self.pieces {
+            let located = |p: &SurfacePoint| pieces[p.face as usize].located(p.weights);
+            return Ok(points.iter().map(located).collect());
+        }
         let ground = Ground {
             vertices: &self.mesh.vertices,
             faces: &self.mesh.faces,
@@ -190,7 +254,7 @@ impl FullResolution {
     }
 
     /// Eigenpairs, distances and distance operator of the given mesh, computed when first asked
-    /// for. `samples` are vertices of the simplified mesh.
+    /// for. `samples` are vertices of the working mesh that the given one has too.
     ///
     /// Memory while it runs: about 4 kilobytes a vertex.
     ///

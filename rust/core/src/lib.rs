@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 pub mod baselines;
+pub mod bisection;
 pub mod confidence;
 pub mod dense;
 pub mod descriptors;

@@ -3,7 +3,9 @@
 //! Counted from what the stages hold at their peaks; `docs/reliability.md` compares with measured
 //! peaks, which stay below.
 
-use crate::shape::{EIGENPAIRS, MARCHED, SIMPLIFIED, SIMPLIFIED_ABOVE};
+use crate::shape::{
+    EIGENPAIRS, MARCHED, REFINED, REFINED_BELOW, REFINED_TIMES, SIMPLIFIED, SIMPLIFIED_ABOVE,
+};
 
 /// Bytes of a double.
 const DOUBLE: u64 = 8;
@@ -13,7 +15,7 @@ const KRYLOV_VECTORS: u64 = 3 * EIGENPAIRS as u64;
 /// surface give about ten.
 const FACTOR_ENTRIES: u64 = 12;
 /// Everything that each vertex and face has of its own: positions, ids, neighbours, place on the
-/// simplified mesh.
+/// working mesh.
 const MESH_BYTES: u64 = 600;
 /// Descriptors, and doubles while they are made.
 const DESCRIPTOR_DOUBLES: u64 = 250;
@@ -27,9 +29,11 @@ const POINT_BYTES: u64 = 400;
 const FIXED: u64 = 120_000_000;
 
 /// Vertices of the mesh on which a mesh of `vertices` is matched.
-fn simplified(vertices: u64) -> u64 {
+fn working(vertices: u64) -> u64 {
     if vertices > SIMPLIFIED_ABOVE as u64 {
         SIMPLIFIED as u64
+    } else if vertices < REFINED_BELOW as u64 {
+        (REFINED as u64).min(REFINED_TIMES as u64 * vertices)
     } else {
         vertices
     }
@@ -52,7 +56,7 @@ fn surface(vertices: u64, faces: u64) -> u64 {
 #[must_use]
 pub fn to_prepare(sizes: &[(u64, u64)]) -> u64 {
     sizes.iter().fold(FIXED, |sum, &(vertices, faces)| {
-        sum.saturating_add(spectral(simplified(vertices)))
+        sum.saturating_add(spectral(working(vertices)))
             .saturating_add(surface(vertices, faces))
     })
 }
@@ -60,7 +64,7 @@ pub fn to_prepare(sizes: &[(u64, u64)]) -> u64 {
 /// Peak beyond what two prepared shapes hold while they are matched.
 #[must_use]
 pub fn to_match(source: u64, target: u64) -> u64 {
-    let refined = simplified(source) + simplified(target);
+    let refined = working(source) + working(target);
     source
         .saturating_add(target)
         .saturating_mul(POINT_BYTES)

@@ -27,10 +27,15 @@ impl SurfacePoint {
     #[must_use]
     pub fn at_vertex(shape: &Shape, vertex: u32) -> Self {
         let face = shape.vertex_faces.row(vertex as usize)[0];
-        let corners = shape.mesh.faces[face as usize];
+        Self::at_corner(&shape.mesh.faces, face, vertex)
+    }
+
+    /// A corner of a triangle.
+    #[must_use]
+    pub fn at_corner(faces: &[[u32; 3]], face: u32, vertex: u32) -> Self {
         Self {
             face,
-            weights: corners.map(|v| if v == vertex { 1.0 } else { 0.0 }),
+            weights: faces[face as usize].map(|v| if v == vertex { 1.0 } else { 0.0 }),
         }
     }
 }
@@ -58,12 +63,12 @@ pub fn projected(
         .collect()
 }
 
-/// As [`projected`], for every vertex of the given mesh behind a simplified target.
+/// As [`projected`], for every vertex of the given mesh behind a target's working mesh.
 ///
-/// Rows of given vertices are those of the simplified one, linear on its faces, and are never
+/// Rows of given vertices are those of the working mesh, linear on its faces, and are never
 /// formed: the vertices of a face share the inner products of its corners with the source's rows,
 /// so that the cost hardly grows with the given mesh. `images` is the nearest source vertex of
-/// each vertex of the simplified target.
+/// each vertex of that mesh.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].

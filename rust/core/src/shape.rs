@@ -30,19 +30,24 @@ pub const OPERATOR_SIZE: usize = 60;
 pub const SIMPLIFIED_ABOVE: usize = 20_000;
 /// Vertices of a simplified mesh.
 pub const SIMPLIFIED: usize = 12_000;
+/// Meshes with fewer vertices than this are cut finer,
+pub const REFINED_BELOW: usize = 2_000;
+/// to so many vertices, but at most to so many times their own.
+pub const REFINED: usize = 3_000;
+pub const REFINED_TIMES: usize = 4;
 /// Vertices for each eigenpair at least: beyond, eigenfunctions show the mesh, not the surface.
 const VERTICES_A_PAIR: usize = 3;
 
 /// A surface as a sampled metric space with its spectrum. Lengths are at unit area in its metric;
 /// the positions of `mesh` are at unit area in space.
 ///
-/// A mesh of more than [`SIMPLIFIED_ABOVE`] vertices is simplified first; then everything here is
-/// that of the simplified mesh, and [`Shape::full`] leads back to the given one.
+/// A mesh of more than [`SIMPLIFIED_ABOVE`] vertices is simplified first, one of fewer than [`REFINED_BELOW`] cut
+/// finer; then everything here is that of the working mesh, and [`Shape::full`] leads back to the given one.
 #[derive(Debug)]
 pub struct Shape {
-    /// Checked mesh, simplified when a large one was given.
+    /// Checked mesh, simplified when a large one was given, cut finer when a small one was.
     pub mesh: Mesh,
-    /// The given mesh behind a simplified one.
+    /// The given mesh behind another one.
     pub full: Option<FullResolution>,
     /// How lengths are measured.
     pub metric: Metric,
@@ -112,8 +117,10 @@ impl Shape {
         let cancelled = || progress.is_cancelled();
         let basis = Eigenbasis::new(&surface.laplacian, pairs, &cancelled)?;
         report("sampling", 0.6)?;
-        let wanted = SAMPLES.min(mesh.vertices.len());
-        let farthest = geodesics::farthest_points(&surface.marching, &mesh, wanted, &cancelled)?;
+        let among = sampled_vertices(&mesh, full.as_ref());
+        let wanted = SAMPLES.min(among);
+        let farthest =
+            geodesics::farthest_points(&surface.marching, &mesh, among, wanted, &cancelled)?;
         report("geodesics", 0.7)?;
         let marched = &farthest[..MARCHED.min(farthest.len())];
         let fields = geodesics::distances_from(&surface.marching, marched, &cancelled)?;
@@ -129,12 +136,16 @@ impl Shape {
         report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
     ) -> Result<(Mesh, Option<FullResolution>)> {
         let mesh = Mesh::new(vertices, faces)?;
-        if mesh.vertices.len() <= SIMPLIFIED_ABOVE {
+        let given = mesh.vertices.len();
+        let (working, full) = if given > SIMPLIFIED_ABOVE {
+            report("simplification", 0.02)?;
+            FullResolution::simplified(mesh, SIMPLIFIED, progress)?
+        } else if given < REFINED_BELOW {
+            FullResolution::refined(mesh, REFINED.min(REFINED_TIMES * given))
+        } else {
             return Ok((mesh, None));
-        }
-        report("simplification", 0.02)?;
-        let (simplified, full) = FullResolution::new(mesh, SIMPLIFIED, progress)?;
-        Ok((simplified, Some(full)))
+        };
+        Ok((working, Some(full)))
     }
 
     /// Everything that follows from the costly parts.
@@ -223,7 +234,9 @@ impl Shape {
             && functions.ncols() == values.len()
             && values.len() > 1
             && (LEAST_MARCHED..=farthest.len()).contains(&fields.ncols())
-            && farthest.iter().all(|&v| (v as usize) < n)
+            && farthest
+                .iter()
+                .all(|&v| (v as usize) < sampled_vertices(&mesh, full.as_ref()))
             && values.windows(2).all(|w| w[0] <= w[1])
             && values.iter().all(|l| l.is_finite())
             && (0..functions.ncols()).all(|j| functions.col(j).iter().all(|x| x.is_finite()))
@@ -251,8 +264,7 @@ impl Shape {
         self.full.as_ref().map_or(&self.mesh, |full| &full.mesh)
     }
 
-    /// Spectrum of the given mesh when [`Shape::mesh`] is a simplified one; computed when first
-    /// asked for.
+    /// Spectrum of the given mesh when [`Shape::mesh`] is another one; computed when first asked for.
     ///
     /// # Errors
     /// Those of [`FullResolution::spectrum`].
@@ -260,7 +272,8 @@ impl Shape {
         let Some(full) = &self.full else {
             return Ok(None);
         };
-        let sizes = (self.basis.values.len(), self.distance_operator.nrows());
+        let pairs = EIGENPAIRS.min(full.mesh.vertices.len() / VERTICES_A_PAIR);
+        let sizes = (pairs, self.distance_operator.nrows().min(pairs));
         full.spectrum(self.metric, sizes, self.marched(), progress)
             .map(Some)
     }
@@ -391,6 +404,13 @@ impl Shape {
             .map(|&v| i64::from(self.mesh.input_vertex[v as usize]))
             .collect()
     }
+}
+
+/// How many of a working mesh's vertices may be samples: those that the given mesh has too, which are all of
+/// a simplified one and the first of a finer one.
+fn sampled_vertices(working: &Mesh, full: Option<&FullResolution>) -> usize {
+    let given = full.map_or(usize::MAX, |full| full.mesh.vertices.len());
+    given.min(working.vertices.len())
 }
 
 /// The parts of a shape that take long to compute, in the order of the checked (and simplified)

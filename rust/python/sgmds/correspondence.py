@@ -71,8 +71,8 @@ class Correspondence:
     @property
     def functional_map(self) -> Floats:
         """(k_target, k_source) coefficients on source → coefficients on target, both in the shapes'
-        public eigenfunctions. For a mesh of more than 20,000 vertices these are computed when this
-        is first asked for, and a file saved before that has no functional map."""
+        public eigenfunctions. For a mesh of fewer than 2,000 or more than 20,000 vertices these are computed
+        when this is first asked for; a file saved before that has no functional map between large ones."""
         if self._functional_map is None:
             if self._raw is None:
                 raise SgmdsError("the file has no functional map, since none had been asked for: match again")
@@ -115,8 +115,8 @@ class Correspondence:
     def save(self, path: str | os.PathLike[str]) -> None:
         """Writes an .npz that numpy alone can read."""
         arrays = {name: getattr(self, name) for name in ARRAYS}
-        if self._functional_map is not None:
-            arrays["functional_map"] = self._functional_map
+        if self._functional_map is not None or (self._raw is not None and self._raw.functional_map_is_quick):
+            arrays["functional_map"] = self.functional_map
         archive.write(
             path,
             FORMAT,

@@ -15,6 +15,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use sgmds_core::full_resolution::FullResolution;
 use sgmds_core::matching::{self, Correspondence, Method, Options};
 use sgmds_core::mesh::Mesh;
 use sgmds_core::metric::Metric;
@@ -82,7 +83,7 @@ impl PreparedShape {
     }
 
     /// Eigenvalues, eigenfunctions, geodesics and distance operator in given numbering and
-    /// units; for a simplified mesh they are computed now.
+    /// units; they are computed now where the map is sought on another mesh than the given one.
     fn public_arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let arrays = watched(py, None, None, |state| self.shape.public_arrays(state))?;
         let dict = PyDict::new(py);
@@ -272,9 +273,10 @@ impl RawMatch {
         self.found.confidence.clone().into_pyarray(py)
     }
 
-    /// α, source coefficients → target coefficients; for a simplified mesh it is computed now.
+    /// α, source coefficients → target coefficients; computed now where the map was sought on other meshes than
+    /// the given ones.
     fn functional_map<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        if !self.found.was_simplified() {
+        if self.found.is_on_given_meshes() {
             return matrix(py, self.found.functional_map.as_ref());
         }
         let map = watched(py, None, None, |state| {
@@ -287,7 +289,14 @@ impl RawMatch {
     /// Whether the functional map is known already.
     #[getter]
     fn knows_functional_map(&self) -> bool {
-        !self.found.was_simplified()
+        self.found.is_on_given_meshes()
+    }
+
+    /// Whether the functional map takes next to no time: unless a mesh was simplified, since it was large.
+    #[getter]
+    fn functional_map_is_quick(&self) -> bool {
+        let small = |shape: &Shape| shape.full.as_ref().is_none_or(FullResolution::is_finer);
+        small(&self.source) && small(&self.target)
     }
 
     /// Grade, reasons and figures.

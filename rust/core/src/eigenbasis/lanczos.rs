@@ -15,13 +15,21 @@ use crate::error::{Error, Result};
 /// 16 vectors, and 8 the fastest in all.
 const BLOCK: usize = 8;
 
-/// Size of the space needed per hundred wanted pairs, and for a few: measured at k = 30 to 200 and 5k to 28k
-/// vertices, where it falls short or goes too far by less than two blocks.
-const SIZE_PER_HUNDRED_PAIRS: usize = 155;
-const LEAST_SIZE: usize = 88;
+/// Size of the space needed per hundred wanted pairs, and for a few: measured at k = 30 to 200 and 1.3k to 53k
+/// vertices, where it falls short by two blocks at most. A block too many costs less than to look again.
+const SIZE_PER_HUNDRED_PAIRS: usize = 160;
+const LEAST_SIZE: usize = 86;
 
-/// Ritz vectors formed between two questions whether to stop.
-const COLUMNS_A_PIECE: usize = 32;
+/// Blocks made orthogonal to all before them together, so that the basis, which is far larger than the nearest cache,
+/// is read less often. With three, what rounding leaves along converged Ritz vectors grows too large while they wait.
+const BLOCKS_TOGETHER: usize = 2;
+
+/// Where it grows by more than this from block to block, none waits. On 26 meshes it grows by 3e2 to 4e4; with the
+/// shift moved towards an eigenvalue, pairs of blocks leave `ΦᵀAΦ = I` to 3e-14 at 5e4, to 1e-11 at 5e5, and fail at 5e7.
+const MOST_GROWTH: f64 = 1e5;
+
+/// Rows of the basis multiplied at once, so that they stay in the cache: a multiple of the 48 of faer's kernel.
+const ROWS_A_PIECE: usize = 96;
 
 /// The iteration gives up at this multiple of the size expected.
 const PATIENCE: usize = 3;
@@ -44,7 +52,7 @@ pub(super) struct RitzPairs {
 pub(super) fn bare_solves(factor: &ShiftedFactor<'_>, count: usize) {
     let n = factor.ordering().len();
     let mut workspace = factor.workspace(BLOCK);
-    let mut block = Mat::from_fn(n, BLOCK, |i, j| noise((i * BLOCK + j) as u64));
+    let mut block = starting_block(n);
     for _ in 0..count.div_ceil(BLOCK) {
         factor.solve_in_place(block.as_mut(), &mut workspace);
     }
@@ -55,40 +63,51 @@ pub(super) struct BlockLanczos<'a> {
     factor: &'a ShiftedFactor<'a>,
     /// Diagonal of `A^{1/2}`.
     root_mass: &'a [f64],
-    /// The known eigenvector, `(n, 1)`.
-    deflated: Mat<f64>,
-    /// Orthonormal basis, `(n, capacity)`, of which `size` columns and one more block are set.
+    /// The known eigenvector, then an orthonormal basis `Q` of which `size` columns and one more
+    /// block are set: `(n, 1 + capacity)`.
     basis: Mat<f64>,
     /// Lower half of the block-tridiagonal `QᵀMQ`.
     projected: Mat<f64>,
     size: usize,
+    /// Columns of `basis` that are orthogonal to all before them; the others wait for [`Self::settle`].
+    settled: usize,
+    /// Largest entry of the diagonal blocks of `projected`, about `‖M‖`.
+    norm: f64,
+    /// `‖M‖` over the least pivot of the last triangle: by how much a block's overlap with converged Ritz vectors
+    /// exceeds that of the block before it, at most.
+    growth: f64,
     workspace: MemBuffer,
 }
 
 impl<'a> BlockLanczos<'a> {
-    /// Starts from a fixed pseudo-random block, so that results do not depend on the run.
+    /// Starts from a fixed pseudo-random block, so that results do not depend on the run;
+    /// `deflated` is the known eigenvector, `(n)`.
     pub(super) fn new(
         factor: &'a ShiftedFactor<'a>,
         root_mass: &'a [f64],
-        deflated: Mat<f64>,
+        deflated: ColRef<'_, f64>,
         capacity: usize,
     ) -> Self {
         let n = root_mass.len();
         let capacity = capacity.next_multiple_of(BLOCK) + 2 * BLOCK;
-        let mut lanczos = Self {
+        let mut basis = Mat::zeros(n, 1 + capacity);
+        basis.col_mut(0).copy_from(deflated);
+        let (deflated, rest) = basis.split_at_col_mut(1);
+        let mut start = rest.subcols_mut(0, BLOCK);
+        start.copy_from(starting_block(n));
+        remove(start.rb_mut(), deflated.rb());
+        orthonormalise(start, deflated.rb());
+        Self {
             factor,
             root_mass,
-            deflated,
-            basis: Mat::zeros(n, capacity),
+            basis,
             projected: Mat::zeros(capacity, capacity),
             size: 0,
+            settled: 1 + BLOCK,
+            norm: 0.0,
+            growth: 0.0,
             workspace: factor.workspace(BLOCK),
-        };
-        let mut start = Mat::from_fn(n, BLOCK, |i, j| noise((i * BLOCK + j) as u64));
-        lanczos.remove_basis(start.as_mut(), 0);
-        lanczos.orthonormalise(&mut start);
-        lanczos.basis.subcols_mut(0, BLOCK).copy_from(&start);
-        lanczos
+        }
     }
 
     /// Extends the space until the `wanted` smallest `λ = s + 1/ν > 0` have
@@ -109,7 +128,7 @@ impl<'a> BlockLanczos<'a> {
             if cancelled() {
                 return Err(Error::Cancelled);
             }
-            if self.size + 2 * BLOCK > self.basis.ncols() {
+            if self.size + 2 * BLOCK > self.projected.ncols() {
                 self.grow();
             }
             self.extend();
@@ -151,18 +170,16 @@ impl<'a> BlockLanczos<'a> {
 
     /// One more block: multiply by `M`, orthogonalise, store.
     fn extend(&mut self) {
-        let (n, m) = (self.basis.nrows(), self.size);
-        let mut block = Mat::<f64>::zeros(n, BLOCK);
-        block.copy_from(self.basis.subcols(m, BLOCK));
-        self.multiply(block.as_mut());
-        let before = largest_column(block.as_ref());
-
-        // Three-term recurrence first; the full pass then only removes what rounding left.
+        let m = self.size;
+        self.multiply_last();
+        let (known, rest) = self.basis.split_at_col_mut(1 + m + BLOCK);
+        let (known, mut block) = (known.rb(), rest.subcols_mut(0, BLOCK));
+        // Three-term recurrence first; `settle` then only removes what rounding left.
         if m > 0 {
             matmul(
-                &mut block,
+                block.rb_mut(),
                 Accum::Add,
-                self.basis.subcols(m - BLOCK, BLOCK),
+                known.subcols(1 + m - BLOCK, BLOCK),
                 self.projected
                     .submatrix(m, m - BLOCK, BLOCK, BLOCK)
                     .transpose(),
@@ -170,100 +187,58 @@ impl<'a> BlockLanczos<'a> {
                 Par::Seq,
             );
         }
-        let current = self.basis.subcols(m, BLOCK);
-        let diagonal = current.transpose() * &block;
-        matmul(&mut block, Accum::Add, current, &diagonal, -1.0, Par::Seq);
+        let diagonal = remove(block.rb_mut(), known.subcols(1 + m, BLOCK));
         for j in 0..BLOCK {
             for i in 0..BLOCK {
                 self.projected[(m + i, m + j)] = f64::midpoint(diagonal[(i, j)], diagonal[(j, i)]);
             }
         }
         self.size += BLOCK;
-        // Every other block waits for the next one: the basis, which is far larger than what the nearest cache
-        // holds, is then read for two at a time.
-        if self.size.is_multiple_of(2 * BLOCK) {
-            self.remove_basis_from_two(&mut block);
-        } else {
-            self.remove_basis(block.as_mut(), 0);
+        let waiting = 1 + self.size + BLOCK - self.settled;
+        if waiting >= BLOCKS_TOGETHER * BLOCK || self.growth > MOST_GROWTH {
+            self.settle();
         }
-        let mut triangle = self.orthonormalise(&mut block);
-        let least = (0..BLOCK)
-            .map(|i| triangle[(i, i)].abs())
-            .fold(f64::MAX, f64::min);
-        if least < CANCELLATION * before {
-            self.remove_basis(block.as_mut(), self.size);
-            triangle = self.orthonormalise(&mut block) * triangle;
-        }
-        let m = self.size;
+        let triangle = self.orthonormalise_next();
+        self.norm = self.norm.max(diagonal.norm_max());
+        self.growth = self.norm / least_pivot(&triangle);
         self.projected
-            .submatrix_mut(m, m - BLOCK, BLOCK, BLOCK)
+            .submatrix_mut(m + BLOCK, m, BLOCK, BLOCK)
             .copy_from(&triangle);
-        self.basis.subcols_mut(m, BLOCK).copy_from(&block);
     }
 
-    /// `X ← M X`.
-    fn multiply(&mut self, mut x: MatMut<'_, f64>) {
+    /// Orthonormalises the block after the basis, and returns the triangle.
+    fn orthonormalise_next(&mut self) -> Mat<f64> {
+        let m = self.size;
+        let removed = self.projected.subrows(m - BLOCK, BLOCK).norm_l2();
+        let (known, rest) = self.basis.split_at_col_mut(1 + m);
+        let (known, mut block) = (known.rb(), rest.subcols_mut(0, BLOCK));
+        let triangle = orthonormalise(block.rb_mut(), known);
+        if least_pivot(&triangle) >= CANCELLATION * removed.max(triangle.norm_l2()) {
+            return triangle;
+        }
+        remove(block.rb_mut(), known);
+        orthonormalise(block, known) * triangle
+    }
+
+    /// `M` times the basis's last block, into the columns after it.
+    fn multiply_last(&mut self) {
+        let (known, rest) = self.basis.split_at_col_mut(1 + self.size + BLOCK);
+        let mut x = rest.subcols_mut(0, BLOCK);
+        x.copy_from(known.subcols(1 + self.size, BLOCK));
         scale_rows(x.rb_mut(), self.root_mass);
         self.factor.solve_in_place(x.rb_mut(), &mut self.workspace);
         scale_rows(x, self.root_mass);
     }
 
-    /// Removes all but the basis's last block from that block, which has waited, and from the next one.
-    fn remove_basis_from_two(&mut self, next: &mut Mat<f64>) {
-        let known = self.size - BLOCK;
-        let mut both = Mat::zeros(self.basis.nrows(), 2 * BLOCK);
-        both.subcols_mut(0, BLOCK)
-            .copy_from(self.basis.subcols(known, BLOCK));
-        both.subcols_mut(BLOCK, BLOCK).copy_from(&*next);
-        self.remove_basis(both.as_mut(), known);
-        self.basis
-            .subcols_mut(known, BLOCK)
-            .copy_from(both.subcols(0, BLOCK));
-        next.copy_from(both.subcols(BLOCK, BLOCK));
-    }
-
-    /// `X ← (I − ddᵀ)(I − QQᵀ)X`, Q the first columns of the basis.
-    fn remove_basis(&self, mut x: MatMut<'_, f64>, columns: usize) {
-        if columns > 0 {
-            let basis = self.basis.subcols(0, columns);
-            let mut products = Mat::zeros(x.ncols(), columns);
-            matmul(
-                &mut products,
-                Accum::Replace,
-                x.rb().transpose(),
-                basis,
-                1.0,
-                Par::Seq,
-            );
-            matmul(
-                &mut x,
-                Accum::Add,
-                basis,
-                products.transpose(),
-                -1.0,
-                Par::Seq,
-            );
-        }
-        let along = self.deflated.transpose() * &x;
-        matmul(&mut x, Accum::Add, &self.deflated, &along, -1.0, Par::Seq);
-    }
-
-    /// `X = QR`: overwrites `X` with `Q`, returns `R`.
-    fn orthonormalise(&mut self, x: &mut Mat<f64>) -> Mat<f64> {
-        if let Some(first) = cholesky_qr(x)
-            && let Some(second) = cholesky_qr(x)
-        {
-            return second * first;
-        }
-        // Columns nearly dependent: Householder reflections complete them to an orthonormal set,
-        // which has to be made orthogonal to the basis again.
-        let qr = x.qr();
-        let triangle = qr.thin_R().to_owned();
-        *x = qr.compute_thin_Q();
-        self.remove_basis(x.as_mut(), self.size);
-        let again = x.qr();
-        *x = again.compute_thin_Q();
-        again.thin_R().to_owned() * triangle
+    /// Makes the columns that have waited orthogonal to all before them. As long as they were so to `√ε`, the
+    /// projection is right to `ε`.
+    ///
+    /// Simon, "The Lanczos algorithm with partial reorthogonalization", 1984.
+    fn settle(&mut self) {
+        let end = 1 + self.size + BLOCK;
+        let (known, rest) = self.basis.split_at_col_mut(self.settled);
+        remove(rest.subcols_mut(0, end - self.settled), known.rb());
+        self.settled = end;
     }
 
     /// Ritz vectors with one more step of `M` applied, `QS + Q₊BS₊/μ = MQS/μ`: the step costs
@@ -271,7 +246,7 @@ impl<'a> BlockLanczos<'a> {
     ///
     /// Ericsson, Ruhe, "The spectral transformation Lanczos method", 1980, section 3.
     fn pairs(
-        self,
+        mut self,
         order: &[usize],
         values: &[f64],
         vectors: MatRef<'_, f64>,
@@ -286,35 +261,42 @@ impl<'a> BlockLanczos<'a> {
                 tails[(i - m, j)] / values[order[j]]
             }
         });
-        let mut x = Mat::zeros(n, order.len());
-        for first in (0..order.len()).step_by(COLUMNS_A_PIECE) {
+        self.settle();
+        // Row by row, they take the place of the basis.
+        let mut piece = Mat::zeros(ROWS_A_PIECE, order.len());
+        for first in (0..n).step_by(ROWS_A_PIECE) {
             if cancelled() {
                 return Err(Error::Cancelled);
             }
-            let count = COLUMNS_A_PIECE.min(order.len() - first);
+            let rows = ROWS_A_PIECE.min(n - first);
+            let mut piece = piece.subrows_mut(0, rows);
             matmul(
-                x.subcols_mut(first, count),
+                piece.rb_mut(),
                 Accum::Replace,
-                self.basis.subcols(0, m + BLOCK),
-                coefficients.subcols(first, count),
+                self.basis.submatrix(first, 1, rows, m + BLOCK),
+                &coefficients,
                 1.0,
                 Par::Seq,
             );
+            self.basis
+                .submatrix_mut(first, 0, rows, order.len())
+                .copy_from(piece);
         }
+        self.basis.truncate(n, order.len());
         Ok(RitzPairs {
             values: order
                 .iter()
                 .map(|&i| self.factor.shift() + 1.0 / values[i])
                 .collect(),
-            vectors: x,
+            vectors: self.basis,
             solves: m,
         })
     }
 
     fn grow(&mut self) {
-        let (n, old) = (self.basis.nrows(), self.basis.ncols());
+        let (n, old) = (self.basis.nrows(), self.projected.ncols());
         let new = (old + old / 4).next_multiple_of(BLOCK);
-        self.basis.resize_with(n, new, |_, _| 0.0);
+        self.basis.resize_with(n, 1 + new, |_, _| 0.0);
         self.projected.resize_with(new, new, |_, _| 0.0);
     }
 }
@@ -336,11 +318,54 @@ pub(super) fn expected_size(wanted: usize) -> usize {
     (wanted * SIZE_PER_HUNDRED_PAIRS / 100 + LEAST_SIZE).next_multiple_of(BLOCK)
 }
 
+/// `X ← (I − QQᵀ)X`; returns `XᵀQ`.
+fn remove(mut x: MatMut<'_, f64>, q: MatRef<'_, f64>) -> Mat<f64> {
+    let mut products = Mat::zeros(x.ncols(), q.ncols());
+    matmul(
+        &mut products,
+        Accum::Replace,
+        x.rb().transpose(),
+        q,
+        1.0,
+        Par::Seq,
+    );
+    for first in (0..q.nrows()).step_by(ROWS_A_PIECE) {
+        let rows = ROWS_A_PIECE.min(q.nrows() - first);
+        matmul(
+            x.rb_mut().subrows_mut(first, rows),
+            Accum::Add,
+            q.subrows(first, rows),
+            products.transpose(),
+            -1.0,
+            Par::Seq,
+        );
+    }
+    products
+}
+
+/// `X = QR`, `Q` orthogonal to what is `known`: overwrites `X` with `Q`, returns `R`.
+fn orthonormalise(mut x: MatMut<'_, f64>, known: MatRef<'_, f64>) -> Mat<f64> {
+    if let Some(first) = cholesky_qr(x.rb_mut())
+        && let Some(second) = cholesky_qr(x.rb_mut())
+    {
+        return second * first;
+    }
+    // Columns nearly dependent: Householder reflections complete them to an orthonormal set,
+    // which has to be made orthogonal to the basis again.
+    let qr = x.qr();
+    let triangle = qr.thin_R().to_owned();
+    x.copy_from(qr.compute_thin_Q());
+    remove(x.rb_mut(), known);
+    let again = x.qr();
+    x.copy_from(again.compute_thin_Q());
+    again.thin_R().to_owned() * triangle
+}
+
 /// Cholesky of `XᵀX`: overwrites `X` with an orthonormal basis and returns the upper triangle, or
 /// leaves `X` alone when its columns are too nearly dependent.
-fn cholesky_qr(x: &mut Mat<f64>) -> Option<Mat<f64>> {
+fn cholesky_qr(x: MatMut<'_, f64>) -> Option<Mat<f64>> {
     let b = x.ncols();
-    let mut gram = x.transpose() * &*x;
+    let mut gram = x.rb().transpose() * x.rb();
     let largest = (0..b).map(|i| gram[(i, i)]).fold(0.0, f64::max);
     cholesky_in_place(
         gram.as_mut(),
@@ -359,7 +384,7 @@ fn cholesky_qr(x: &mut Mat<f64>) -> Option<Mat<f64>> {
     if least * least <= 1e-12 * largest {
         return None;
     }
-    solve_lower_triangular_in_place(gram.as_ref(), x.as_mut().transpose_mut(), Par::Seq);
+    solve_lower_triangular_in_place(gram.as_ref(), x.transpose_mut(), Par::Seq);
     Some(Mat::from_fn(
         b,
         b,
@@ -402,9 +427,14 @@ fn scale_rows(mut x: MatMut<'_, f64>, factors: &[f64]) {
     }
 }
 
-fn largest_column(x: MatRef<'_, f64>) -> f64 {
-    let square = |c: ColRef<'_, f64>| c.iter().map(|x| x * x).sum::<f64>();
-    x.col_iter().map(square).fold(0.0, f64::max).sqrt()
+fn least_pivot(triangle: &Mat<f64>) -> f64 {
+    (0..triangle.ncols())
+        .map(|i| triangle[(i, i)].abs())
+        .fold(f64::MAX, f64::min)
+}
+
+fn starting_block(n: usize) -> Mat<f64> {
+    Mat::from_fn(n, BLOCK, |i, j| noise((i * BLOCK + j) as u64))
 }
 
 /// Uniform in [−½, ½): the finaliser of splitmix64 (Steele, Lea, Flood 2014).

@@ -5,7 +5,7 @@ mod shifted_factor;
 
 use std::f64::consts::PI;
 
-use faer::Mat;
+use faer::{Col, Mat};
 
 use self::lanczos::{BlockLanczos, RitzPairs, eigen, expected_size};
 use self::shifted_factor::ShiftedFactor;
@@ -31,6 +31,9 @@ const SHIFT_TRIALS: usize = 6;
 
 /// A shift whose factor is inaccurate is replaced by this multiple.
 const SHIFT_STEP_ASIDE: f64 = 0.97;
+
+/// Eigenfunctions measured in one pass over `W`.
+const MEASURED_AT_ONCE: usize = 4;
 
 /// Jacobi sweeps allowed to a pair whose residual is rounding at tiny vertices, and their step:
 /// two thirds damps every oscillation at least threefold.
@@ -59,7 +62,7 @@ impl Eigenbasis {
     ///
     /// Shift-invert block Lanczos with full orthogonalisation; the count below the shift is
     /// checked against the factor's inertia. The result does not depend on the number of threads.
-    /// Working memory per vertex: about `8·(1.55 k + 100) + 8 k` bytes and the factor.
+    /// Working memory per vertex: about `8·(1.6 k + 105) + 8 k` bytes and the factor.
     ///
     /// # Errors
     /// [`Error::BadArgument`] when `k` is 0 or more than the vertices, [`Error::NotFactorised`],
@@ -146,8 +149,9 @@ impl Eigenbasis {
         let factor = factor_within_spectrum(laplacian, wanted, area, cancelled)?;
         let ordering = factor.ordering();
         let ordered: Vec<f64> = ordering.iter().map(|&v| root_mass[v as usize]).collect();
-        let constant = Mat::from_fn(ordered.len(), 1, |i, _| ordered[i] / area.sqrt());
-        let lanczos = BlockLanczos::new(&factor, &ordered, constant, expected_size(wanted));
+        let constant = Col::from_fn(ordered.len(), |i| ordered[i] / area.sqrt());
+        let lanczos =
+            BlockLanczos::new(&factor, &ordered, constant.as_ref(), expected_size(wanted));
         let RitzPairs {
             values,
             vectors,
@@ -176,44 +180,63 @@ impl Eigenbasis {
         laplacian: &Laplacian,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<()> {
+        let k = self.values.len();
         let bound = RESIDUAL_BOUND * self.values.last().copied().unwrap_or(0.0);
-        let diagonal = laplacian.stiffness.diag();
+        let mut defects = vec![[0.0; MEASURED_AT_ONCE]; laplacian.len()];
         let mut good = 0;
-        let mut defect = vec![0.0; laplacian.len()];
-        for (j, &value) in self.values.iter().enumerate() {
+        for first in (0..k).step_by(MEASURED_AT_ONCE) {
             if cancelled() {
                 return Err(Error::Cancelled);
             }
-            let Some(phi) = self.functions.col_mut(j).try_as_col_major_mut() else {
-                unreachable!("columns of an owned matrix are contiguous")
-            };
-            let phi = phi.as_slice_mut();
-            let mut residual = residual_of(laplacian, value, phi, &mut defect);
-            for _ in 0..SMOOTHING_SWEEPS {
+            // The last pass measures the last pair more than once.
+            let pairs: [usize; MEASURED_AT_ONCE] =
+                std::array::from_fn(|lane| (first + lane).min(k - 1));
+            let measured = residuals(
+                laplacian,
+                pairs.map(|j| self.values[j]),
+                pairs.map(|j| column(&self.functions, j)),
+                &mut defects,
+            );
+            for (j, mut residual) in (first..k).zip(measured) {
+                // The constant has rounding only.
+                if j > 0 && residual > bound {
+                    residual = self.smooth(laplacian, j, bound);
+                }
+                // NaN counts as a failure.
                 if residual <= bound || j == 0 {
-                    break;
+                    good += 1;
                 }
-                for (i, &w) in diagonal.iter() {
-                    if w > 0.0 {
-                        phi[i] -= SMOOTHING_STEP * defect[i] / w;
-                    }
-                }
-                residual = residual_of(laplacian, value, phi, &mut defect);
+                self.residual = self.residual.max(residual);
             }
-            // NaN counts as a failure. The constant has rounding only.
-            if residual <= bound || j == 0 {
-                good += 1;
-            }
-            self.residual = self.residual.max(residual);
         }
-        if good < self.values.len() {
+        if good < k {
             return Err(Error::NotConverged {
                 found: good,
-                wanted: self.values.len(),
+                wanted: k,
                 residual: self.residual,
             });
         }
         Ok(())
+    }
+
+    /// Jacobi sweeps over pair `j` until its residual is within the bound; returns the residual.
+    fn smooth(&mut self, laplacian: &Laplacian, j: usize, bound: f64) -> f64 {
+        let diagonal = laplacian.stiffness.diag();
+        let mut defects = vec![[0.0]; laplacian.len()];
+        let mut sweeps = 0;
+        loop {
+            let phi = column(&self.functions, j);
+            let [residual] = residuals(laplacian, [self.values[j]], [phi], &mut defects);
+            if residual <= bound || sweeps == SMOOTHING_SWEEPS {
+                return residual;
+            }
+            sweeps += 1;
+            for (i, &w) in diagonal.iter() {
+                if w > 0.0 {
+                    self.functions[(i, j)] -= SMOOTHING_STEP * defects[i][0] / w;
+                }
+            }
+        }
     }
 }
 
@@ -263,14 +286,34 @@ fn factor_within_spectrum<'a>(
     })
 }
 
-/// `Wφ − λAφ` into `defect`, and its norm: `√(rᵀA⁻¹r)`.
-fn residual_of(laplacian: &Laplacian, value: f64, phi: &[f64], defect: &mut [f64]) -> f64 {
-    let mut square = 0.0;
+/// `Wφ − λAφ` of some pairs into the columns of `defects`, `(n, C)`, and their norms: `√(rᵀA⁻¹r)`.
+fn residuals<const C: usize>(
+    laplacian: &Laplacian,
+    values: [f64; C],
+    functions: [&[f64]; C],
+    defects: &mut [[f64; C]],
+) -> [f64; C] {
+    let mut squares = [0.0; C];
     for (i, row) in laplacian.stiffness.outer_iterator().enumerate() {
-        let product: f64 = row.iter().map(|(c, w)| w * phi[c]).sum();
+        let mut products = [0.0; C];
+        for (c, w) in row.iter() {
+            for lane in 0..C {
+                products[lane] += w * functions[lane][c];
+            }
+        }
         let mass = laplacian.mass[i];
-        defect[i] = product - value * mass * phi[i];
-        square += defect[i] * defect[i] / mass;
+        for lane in 0..C {
+            let defect = products[lane] - values[lane] * mass * functions[lane][i];
+            squares[lane] += defect * defect / mass;
+            defects[i][lane] = defect;
+        }
     }
-    square.sqrt()
+    squares.map(f64::sqrt)
+}
+
+fn column(functions: &Mat<f64>, j: usize) -> &[f64] {
+    let Some(column) = functions.col(j).try_as_col_major() else {
+        unreachable!("columns of an owned matrix are contiguous")
+    };
+    column.as_slice()
 }

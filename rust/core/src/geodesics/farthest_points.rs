@@ -17,6 +17,7 @@ const TIE: f64 = 1e-9;
 /// area around it, then the smallest id. So the list follows the shape, not its numbering or
 /// placing, up to ties. Only vertices of the given surface are chosen, not those that close holes.
 /// Fewer than `count` come back when every vertex is chosen or at distance zero from a chosen one.
+/// Only the first `among` vertices are chosen.
 ///
 /// Each march stops where it no longer lowers the distance to the set, so that all of them
 /// together cost a few full ones: about ln(`count`). `cancelled` is asked before each.
@@ -31,15 +32,16 @@ const TIE: f64 = 1e-9;
 pub fn farthest_points(
     marching: &FastMarching,
     mesh: &Mesh,
+    among: usize,
     count: usize,
     cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Result<Vec<u32>> {
-    let mut chosen = Vec::with_capacity(count.min(mesh.vertices.len()));
+    let mut chosen = Vec::with_capacity(count.min(among));
     let mut to_set = vec![f32::INFINITY; marching.vertex_count()];
     let mut workspace = Workspace::new(marching);
     // Distances only fall: an entry above its vertex's distance is out of date and goes back.
     let mut farthest: BinaryHeap<(u32, Reverse<u32>)> = BinaryHeap::new();
-    let mut next = (count > 0).then(|| outermost_vertex(mesh)).flatten();
+    let mut next = (count > 0).then(|| outermost_vertex(mesh, among)).flatten();
     while let Some(vertex) = next {
         if cancelled() {
             return Err(Error::Cancelled);
@@ -49,7 +51,7 @@ pub fn farthest_points(
             to_set[v as usize] = distance;
         }
         if chosen.is_empty() {
-            farthest = (0..mesh.vertices.len() as u32)
+            farthest = (0..among as u32)
                 .map(|v| (to_set[v as usize].to_bits(), Reverse(v)))
                 .collect();
         }
@@ -70,9 +72,12 @@ pub fn farthest_points(
     Ok(chosen)
 }
 
-/// Vertex farthest from the origin, where the area centroid is.
-fn outermost_vertex(mesh: &Mesh) -> Option<u32> {
-    let radius: Vec<f64> = mesh.vertices.iter().map(|&p| vector::norm(p)).collect();
+/// Of the first `among` vertices the one farthest from the origin, where the area centroid is.
+fn outermost_vertex(mesh: &Mesh, among: usize) -> Option<u32> {
+    let radius: Vec<f64> = mesh.vertices[..among]
+        .iter()
+        .map(|&p| vector::norm(p))
+        .collect();
     let largest = radius.iter().copied().fold(0.0, f64::max);
     let tied: Vec<u32> = (0..radius.len() as u32)
         .filter(|&v| radius[v as usize] >= largest * (1.0 - TIE))

@@ -216,7 +216,7 @@ fn fits_better_where_it_differs(
         } else {
             1.0
         };
-        distances * regions::misfit(target, source, &c.images, &part)
+        distances * regions::misfit(target, source, c.state.lengths, &c.images, &part)
     };
     misfit(map) < misfit(other)
 }
@@ -349,5 +349,9 @@ fn refined<'a>(
         embedded_surface::FULL,
         &|f| report("refinement", 0.9 * f),
     )?;
+    let pair = Pair {
+        lengths: state.lengths,
+        ..pair
+    };
     Ok((pair, state))
 }

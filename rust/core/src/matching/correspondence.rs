@@ -35,11 +35,10 @@ pub struct Correspondence {
     pub vertices: Vec<u32>,
     /// Confidence in [0, 1].
     pub confidence: Vec<f64>,
-    /// `(kₜ, kₛ)`: source coefficients → target coefficients, in given units. When a shape was
-    /// simplified this is between the spectra of the simplified meshes, see
-    /// [`Correspondence::full_functional_map`].
+    /// `(kₜ, kₛ)`: source coefficients → target coefficients, in given units, between the spectra of the
+    /// working meshes; between those of the given ones see [`Correspondence::full_functional_map`].
     pub functional_map: Mat<f64>,
-    /// Image of each vertex of the checked target, when a shape was simplified.
+    /// Image of each vertex of the checked target, when a working mesh is not the given one.
     points: Vec<SurfacePoint>,
     /// How the map was judged; nothing for the paper's method.
     pub figures: Option<Figures>,
@@ -56,13 +55,13 @@ pub struct Correspondence {
 }
 
 impl Correspondence {
-    /// Whether one of the shapes was simplified.
+    /// Whether both working meshes are the given ones.
     #[must_use]
-    pub fn was_simplified(&self) -> bool {
-        !self.points.is_empty()
+    pub fn is_on_given_meshes(&self) -> bool {
+        self.points.is_empty()
     }
 
-    /// The functional map between the spectra of the given meshes when one was simplified: these
+    /// The functional map between the spectra of the given meshes when a working mesh is another one: these
     /// are computed when first asked for, which takes longer than the match.
     ///
     /// # Errors

@@ -24,8 +24,9 @@ use crate::nearest::nearest_unless;
 use crate::pair::{Mirror, Pair, Part};
 use crate::progress::Check;
 use crate::refinement::coinciding::{COINCIDENT, Coinciding, STRAY, coinciding};
-use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
+use crate::refinement::propagation::{Images, LANES, SWEEPS_TO_REST};
 use crate::refinement::regions;
+use crate::refinement::relative_length::relative_length;
 use crate::refinement::rigid_surface::RigidSurface;
 use crate::shape::Shape;
 use crate::similarity::Similarity;
@@ -146,10 +147,12 @@ pub struct Refined<'a> {
     pub source: Side<'a>,
     /// Target as it lies on the source in the last step, `(n, 3)`.
     pub deformed: Mat<f64>,
-    /// `(k, k)` map of the last step, target coefficients → source coefficients.
+    /// `(kₛ, kₜ)` map of the last step, target coefficients → source coefficients.
     pub matrix: Mat<f64>,
     /// R² of each of the target's eigenfunctions, `(k)`: how much of it the map finds on the source.
     shared: Vec<f64>,
+    /// Units of length of the source that one of the target is.
+    pub lengths: f64,
 }
 
 /// Refines a `(kₛ, kₜ)` map of low eigenfunctions, target coefficients → source coefficients.
@@ -166,7 +169,11 @@ pub fn refined<'a>(
 ) -> Result<Refined<'a>> {
     let start = || report(0.0);
     let mut state = Refined::start(pair, matrix, schedule.drawn, &start)?;
-    state.rotate_target_onto_source();
+    if schedule.drawn.is_none() {
+        let (on_source, on_target) = (&state.target.images, &state.source.images);
+        state.lengths = relative_length(pair, &on_source.vertex, &on_target.vertex);
+    }
+    state.place_target_on_source();
     let (before, detail) = if schedule.two_ways {
         (CLIMB.len(), DETAIL)
     } else {
@@ -218,6 +225,7 @@ pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a
         deformed: as_matrix(&placed),
         matrix: Mat::zeros(most, most),
         shared: Vec::new(),
+        lengths: pair.lengths,
     };
     state.target.images.vertex = on_source;
     state.source.images.vertex = on_target;
@@ -349,9 +357,10 @@ impl<'a> Side<'a> {
         Mat::from_fn(k, k, |i, j| if i == j { share } else { 0.0 })
     }
 
-    /// \[Φ, or Φ·`matrix`, / (√π k), surface, weighted normals, looks, landmarks\]: in the first two a
-    /// unit is about a unit of length on the surface, the first because Σλ ≈ 2πk² at unit area. Each
-    /// eigenfunction is scaled by the square of what is shared of it: the others say nothing.
+    /// \[surface, weighted normals, looks, landmarks, Φ or Φ·`matrix` / (√π k), zeros\]: in the surface and the
+    /// spectrum a unit is about a unit of length on the surface, in the latter because Σλ ≈ 2πk² at unit area.
+    /// Each eigenfunction is scaled by the square of what is shared of it: the others say nothing. Places come
+    /// first since they tell most points apart, before the rest of a row is read.
     fn embed(
         &mut self,
         matrix: Option<MatRef<'_, f64>>,
@@ -366,15 +375,16 @@ impl<'a> Side<'a> {
         let normals = mesh::normals_of(&positions, &self.shape.mesh.faces);
         let sign = weights.normals * self.shape.volume_sign;
         let looks = self.shape.descriptors.detail.ncols();
-        let dims = k + 6 + self.fixed.ncols();
+        let before = 6 + self.fixed.ncols();
+        let spectrum = before..before + k;
         let rows = &mut self.rows;
-        rows.resize(n, dims);
+        rows.resize(n, spectrum.end.next_multiple_of(LANES));
         let functions = &self.shape.rows;
         if let Some(matrix) = matrix {
             let transposed =
                 Mat::from_fn(k, matrix.nrows(), |i, j| scales[i] * matrix[(j, i)] as f32);
             matmul(
-                rows.as_columns_mut().subrows_mut(0, k),
+                rows.as_columns_mut().subrows_mut(before, k),
                 Accum::Replace,
                 transposed.as_ref(),
                 functions.as_columns().subrows(0, matrix.nrows()),
@@ -383,20 +393,21 @@ impl<'a> Side<'a> {
             );
         } else {
             for i in 0..n {
-                let row = rows.row_mut(i)[..k].iter_mut().zip(functions.row(i));
-                for ((out, value), scale) in row.zip(&scales) {
+                let row = rows.row_mut(i)[spectrum.clone()].iter_mut();
+                for ((out, value), scale) in row.zip(functions.row(i)).zip(&scales) {
                     *out = scale * value;
                 }
             }
         }
+        let shown = if self.extrinsic { 1.0 } else { 0.0 };
         for i in 0..n {
-            let row = &mut rows.row_mut(i)[k..];
-            let shown = if self.extrinsic { 1.0 } else { 0.0 };
+            let row = rows.row_mut(i);
+            row[spectrum.end..].fill(0.0);
             for c in 0..3 {
                 row[c] = (shown * weights.positions * positions[i][c]) as f32;
                 row[3 + c] = (shown * sign * normals[i][c]) as f32;
             }
-            for (c, out) in row[6..].iter_mut().enumerate() {
+            for (c, out) in row[6..before].iter_mut().enumerate() {
                 let weight = if c < looks { weights.looks } else { 1.0 };
                 *out = weight * self.fixed[(i, c)];
             }
@@ -419,6 +430,7 @@ impl<'a> Refined<'a> {
             deformed: Mat::zeros(0, 3),
             matrix: matrix.to_owned(),
             shared: Vec::new(),
+            lengths: pair.lengths,
         };
         let turned = dense::product(state.source.basis(matrix.nrows()), matrix);
         state.source.rows = Rows::from_matrix(turned.as_ref(), matrix.ncols());
@@ -489,7 +501,13 @@ impl<'a> Refined<'a> {
     /// source's vertices that lie there on either map.
     fn adopt_better_regions(&mut self, other: &Self) {
         let (own, others) = (&mut self.target.images.vertex, &other.target.images.vertex);
-        let better = regions::better_elsewhere(self.target.shape, self.source.shape, own, others);
+        let better = regions::better_elsewhere(
+            self.target.shape,
+            self.source.shape,
+            self.lengths,
+            own,
+            others,
+        );
         for ((image, &there), &better) in own.iter_mut().zip(others).zip(&better) {
             if better {
                 *image = there;
@@ -507,8 +525,9 @@ impl<'a> Refined<'a> {
     /// `detail` is, map, embeddings, images.
     fn advance(&mut self, k: usize, detail: usize, check: Check<'_>) -> Result<()> {
         check()?;
-        self.target.low_pass(k.max(detail));
-        self.source.low_pass(k.max(detail));
+        let [on_target, on_source] = self.sizes(k.max(detail));
+        self.target.low_pass(on_target);
+        self.source.low_pass(on_source);
         let at_images = self.at_images(k);
         let (deformed, matrix) = rayon::join(
             || self.displaced(&at_images, check),
@@ -529,11 +548,16 @@ impl<'a> Refined<'a> {
     ) -> Result<()> {
         let most = self.matrix.nrows();
         let target = &self.target.shape.mesh;
+        let rest: Vec<Point> = target
+            .vertices
+            .iter()
+            .map(|&p| vector::scaled(p, self.lengths))
+            .collect();
         let whole_source = as_matrix(&self.source.shape.mesh.vertices);
         let start = (0..self.deformed.nrows())
             .map(|i| [0, 1, 2].map(|c| self.deformed[(i, c)]))
             .collect();
-        let mut surface = RigidSurface::new(&target.vertices, &target.faces, start);
+        let mut surface = RigidSurface::new(&rest, &target.faces, start);
         for (step, &size) in sizes.iter().enumerate() {
             let check = || report(step);
             let at_images = self.at_images(size.min(most));
@@ -627,13 +651,25 @@ impl<'a> Refined<'a> {
         Ok(())
     }
 
-    /// √w times k eigenfunctions at the images of target and source, for the fits.
+    /// √w times k eigenfunctions, or fewer of a part, at the images of target and source, for the fits.
     fn at_images(&mut self, k: usize) -> [Rows; 2] {
-        self.target.weigh(k);
-        self.source.weigh(k);
+        let [k_target, k_source] = self.sizes(k);
+        self.target.weigh(k_target);
+        self.source.weigh(k_source);
         let (t, s) = (&self.target, &self.source);
-        let (on_source, on_target) = rayon::join(|| t.at_images(s, k), || s.at_images(t, k));
+        let (on_source, on_target) =
+            rayon::join(|| t.at_images(s, k_source), || s.at_images(t, k_target));
         [on_source, on_target]
+    }
+
+    /// Numbers of eigenfunctions of target and source up to one eigenvalue: they grow with the area (Weyl's
+    /// law), and a part has less of it than the whole.
+    ///
+    /// # Source
+    /// Rodolà, Cosmo, Bronstein, Torsello, Cremers, "Partial functional correspondence", 2017.
+    fn sizes(&self, k: usize) -> [usize; 2] {
+        let area = self.lengths * self.lengths;
+        [area, 1.0 / area].map(|ratio| (k as f64 * ratio.min(1.0)).round().max(1.0) as usize)
     }
 
     /// Low-passed target plus the smooth displacement that brings it onto the source.
@@ -683,15 +719,19 @@ impl<'a> Refined<'a> {
         Ok((matrix, shared))
     }
 
-    /// Rotates and moves the target's coordinates so that matched points come together.
-    fn rotate_target_onto_source(&mut self) {
-        let Similarity { from, to, turn, .. } = Similarity::fitted(&self.matched());
-        let rotation = Mat::from_fn(3, 3, |i, j| turn[i][j]);
+    /// Rotates, scales and moves the target's coordinates so that matched points come together.
+    fn place_target_on_source(&mut self) {
+        let placing = Similarity {
+            scale: self.lengths,
+            ..Similarity::fitted(&self.matched())
+        };
+        let rotation = Mat::from_fn(3, 3, |i, j| placing.scale * placing.turn[i][j]);
+        let centre = placing.apply([0.0; 3]);
         let mut coordinates =
             dense::product(self.target.coordinates.as_ref(), rotation.transpose());
         // A constant is √area = 1 times the first eigenfunction.
         for i in 0..3 {
-            coordinates[(0, i)] += to[i] - vector::dot(turn[i], from);
+            coordinates[(0, i)] += centre[i];
         }
         self.target.coordinates = coordinates;
     }
@@ -834,6 +874,7 @@ mod tests {
                 deformed: Mat::zeros(0, 3),
                 matrix: Mat::zeros(0, 0),
                 shared: Vec::new(),
+                lengths: 1.0,
             };
             for side in [&mut state.target, &mut state.source] {
                 side.images.vertex = side.asking.iter().map(|&v| image(v)).collect();

@@ -4,5 +4,6 @@ pub mod coinciding;
 pub mod embedded_surface;
 pub mod propagation;
 pub mod regions;
+pub mod relative_length;
 pub mod rigid_surface;
 pub mod upsampling;

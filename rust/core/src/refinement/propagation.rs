@@ -9,6 +9,9 @@ use crate::error::Result;
 use crate::mesh::Adjacency;
 use crate::progress::Check;
 
+/// Coordinates of a point that are compared at once; rows of so many, or a multiple, are compared fastest.
+pub const LANES: usize = 16;
+
 /// Most sweeps until nothing changes.
 pub const SWEEPS_TO_REST: usize = 20;
 
@@ -149,8 +152,7 @@ impl Images {
 #[must_use]
 #[inline(always)]
 pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
-    const LANES: usize = 16;
-    const BLOCK: usize = 64;
+    const BLOCK: usize = 2 * LANES;
     let mut sum = 0.0;
     for (x, y) in a.chunks(BLOCK).zip(b.chunks(BLOCK)) {
         let mut lanes = [0f32; LANES];

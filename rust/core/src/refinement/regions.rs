@@ -17,8 +17,14 @@ const LEAST_REGION: f64 = 0.002;
 /// scales of smoothing agree there with those at the images, the smaller the better: both to the fourth
 /// power.
 #[must_use]
-pub fn misfit(target: &Shape, source: &Shape, images: &[u32], vertices: &[u32]) -> f64 {
-    edge_misfit(target, source, images, vertices).powi(2)
+pub fn misfit(
+    target: &Shape,
+    source: &Shape,
+    lengths: f64,
+    images: &[u32],
+    vertices: &[u32],
+) -> f64 {
+    edge_misfit(target, source, lengths, images, vertices).powi(2)
         * curvature_misfit(target, source, images, vertices)
 }
 
@@ -28,6 +34,7 @@ pub fn misfit(target: &Shape, source: &Shape, images: &[u32], vertices: &[u32]) 
 pub fn better_elsewhere(
     target: &Shape,
     source: &Shape,
+    lengths: f64,
     images: &[u32],
     other: &[u32],
 ) -> Vec<bool> {
@@ -44,7 +51,7 @@ pub fn better_elsewhere(
         }
         let region = connected(target, seed as u32, &mut waiting);
         let area: f64 = region.iter().map(|&v| target.mass[v as usize]).sum();
-        let fit = |images: &[u32]| misfit(target, source, images, &region);
+        let fit = |images: &[u32]| misfit(target, source, lengths, images, &region);
         if area >= LEAST_REGION && fit(other) < fit(images) {
             for v in region {
                 better[v as usize] = true;
@@ -87,8 +94,14 @@ fn curvature_misfit(target: &Shape, source: &Shape, images: &[u32], vertices: &[
 }
 
 /// Σ (ℓ′ − ℓ)² / Σ ℓ² over the edges at the given vertices, ℓ′ the length between the images.
-fn edge_misfit(target: &Shape, source: &Shape, images: &[u32], vertices: &[u32]) -> f64 {
-    let here = |v: u32| target.mesh.vertices[v as usize];
+fn edge_misfit(
+    target: &Shape,
+    source: &Shape,
+    lengths: f64,
+    images: &[u32],
+    vertices: &[u32],
+) -> f64 {
+    let here = |v: u32| vector::scaled(target.mesh.vertices[v as usize], lengths);
     let there = |v: u32| source.mesh.vertices[images[v as usize] as usize];
     let (mut change, mut total) = (0.0, f64::MIN_POSITIVE);
     for &v in vertices {

@@ -1,0 +1,148 @@
+//! How long the unit of one shape is on the other, of which it may be a part.
+//!
+//! Every shape has unit area here. Where one is cut off the other its lengths are then too large, and its
+//! k-th eigenfunction is not the k-th of the whole; a first map tells by how much.
+
+use crate::pair::{Pair, Shares};
+use crate::shape::Shape;
+
+/// Samples between which distances are compared.
+const SAMPLES: usize = 200;
+/// Distances that are compared, √area: shorter ones are imprecise, longer ones lead around what was cut away.
+const COMPARED: std::ops::Range<f64> = 0.1..0.4;
+/// Shapes of more than this fraction of each other's lengths are taken for equal: characters of other
+/// build come to 0.98.
+const EQUAL_FROM: f64 = 0.95;
+
+/// Units of length of the source that one of the target is by a map between them: the median over
+/// distances at samples; 1 unless it shows that the smaller shape is an open surface.
+///
+/// The images are those of every vertex.
+#[must_use]
+pub fn relative_length(pair: &Pair<'_>, on_source: &[u32], on_target: &[u32]) -> f64 {
+    let by_target = || median_growth(pair.target, pair.source, on_source);
+    let by_source = || 1.0 / median_growth(pair.source, pair.target, on_target);
+    let length = match pair.shares {
+        Shares::TARGET_IS_PART => by_target(),
+        Shares::SOURCE_IS_PART => by_source(),
+        _ => (by_target() * by_source()).sqrt(),
+    };
+    let is_part = |smaller: &Shape| smaller.mesh.report.boundary_edges > 0;
+    if (length < EQUAL_FROM && is_part(pair.target))
+        || (length > 1.0 / EQUAL_FROM && is_part(pair.source))
+    {
+        length
+    } else {
+        1.0
+    }
+}
+
+/// Median of the distance between images over that between samples; 1 where there is none to compare.
+fn median_growth(own: &Shape, other: &Shape, images: &[u32]) -> f64 {
+    let samples = own.farthest_points(SAMPLES);
+    let images: Vec<u32> = samples.iter().map(|&v| images[v as usize]).collect();
+    let here = own.spectral_distances(samples, samples);
+    let there = other.spectral_distances(&images, &images);
+    let mut growths: Vec<f64> = (0..samples.len())
+        .flat_map(|j| (0..j).map(move |i| (i, j)))
+        .filter(|&at| COMPARED.contains(&here[at]))
+        .map(|at| there[at] / here[at])
+        .filter(|growth| *growth > 0.0)
+        .collect();
+    let middle = growths.len() / 2;
+    if growths.is_empty() {
+        1.0
+    } else {
+        *growths.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::f64::consts::TAU;
+
+    use super::*;
+    use crate::hints::Hints;
+    use crate::pair::{LeftOut, Mirror};
+    use crate::progress::Progress;
+
+    const AROUND: [i64; 2] = [48, 20];
+
+    /// A torus of 48 rings of 20 vertices, of which the first so many are there.
+    fn torus(rings: i64) -> Shape {
+        let at = |i: i64, j: i64| (i % AROUND[0]) * AROUND[1] + j % AROUND[1];
+        let angle = |i: i64, of: i64| TAU * i as f64 / of as f64;
+        let vertices: Vec<_> = (0..AROUND[0] * AROUND[1])
+            .map(|v| {
+                let (sin_u, cos_u) = angle(v / AROUND[1], AROUND[0]).sin_cos();
+                let (sin_v, cos_v) = angle(v % AROUND[1], AROUND[1]).sin_cos();
+                let radius = 1.0 + 0.4 * cos_v;
+                [radius * cos_u, radius * sin_u, 0.4 * sin_v]
+            })
+            .collect();
+        let strips = if rings < AROUND[0] { rings - 1 } else { rings };
+        let faces: Vec<_> = (0..strips)
+            .flat_map(|i| (0..AROUND[1]).map(move |j| (i, j)))
+            .flat_map(|(i, j)| {
+                let corner = at(i + 1, j + 1);
+                [
+                    [at(i, j), at(i + 1, j), corner],
+                    [at(i, j), corner, at(i, j + 1)],
+                ]
+            })
+            .collect();
+        Shape::new(&vertices, &faces, &Progress::default(), &|_, _| Ok(())).expect("a sound mesh")
+    }
+
+    fn found(target: &Shape, source: &Shape, shares: Shares, image: impl Fn(u32) -> u32) -> f64 {
+        let hints = Hints::new(target, source, Vec::new(), false, &Progress::default())
+            .expect("nothing to march");
+        let pair = Pair {
+            target,
+            source,
+            shares,
+            mirror: Mirror::Forbid,
+            hints: &hints,
+            left_out: LeftOut::default(),
+            lengths: 1.0,
+            mirror_offsets: None,
+        };
+        let images = |own: &Shape, other: &Shape| -> Vec<u32> {
+            let last = other.mesh.vertices.len() as u32 - 1;
+            (0..own.mesh.vertices.len() as u32)
+                .map(|v| image(v).min(last))
+                .collect()
+        };
+        relative_length(&pair, &images(target, source), &images(source, target))
+    }
+
+    #[test]
+    fn a_part_is_known_by_its_lengths() {
+        // Vertices of the part are the first of the whole.
+        let (whole, part) = (torus(AROUND[0]), torus(32));
+        let truth = part.unit / whole.unit;
+        assert!(truth < 0.85);
+        // Spectral distances are about 2 % off.
+        let as_target = found(&part, &whole, Shares::TARGET_IS_PART, |v| v);
+        assert!(
+            (as_target / truth - 1.0).abs() < 0.02,
+            "{as_target} {truth}"
+        );
+        let as_source = found(&whole, &part, Shares::SOURCE_IS_PART, |v| v);
+        assert!(
+            (as_source * truth - 1.0).abs() < 0.02,
+            "{as_source} {truth}"
+        );
+    }
+
+    #[test]
+    fn a_closed_surface_is_no_part_even_if_a_map_crowds_it() {
+        let whole = torus(AROUND[0]);
+        let crowded: Vec<u32> = (0..whole.mesh.vertices.len() as u32)
+            .map(|v| v / 3)
+            .collect();
+        assert!(median_growth(&whole, &whole, &crowded) < EQUAL_FROM);
+        let length = found(&whole, &whole, Shares::TARGET_IS_PART, |v| v / 3);
+        assert!((length - 1.0).abs() < f64::EPSILON);
+    }
+}
