@@ -317,8 +317,8 @@ def stage():
 
 def draw(name, output, samples):
     stage()
-    given = characters.make("biped", "slender", "rest", resolution=4000, seed=0)
-    taker = characters.make("biped", "stout", "wave", resolution=5000, seed=1)
+    given = characters.make("biped", "slender", "rest", resolution=4000, seed=2)
+    taker = characters.make("biped", "stout", "wave", resolution=5000, seed=3)
     source, target = new_object("Source", given, -STEP), new_object("Target", taker, STEP)
     before = new_object("Before", taker, 0.0)
     kinds, after, shown = SCENES[name](source, target, given)
