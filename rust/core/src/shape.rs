@@ -30,10 +30,11 @@ pub const OPERATOR_SIZE: usize = 60;
 pub const SIMPLIFIED_ABOVE: usize = 20_000;
 /// Vertices of a simplified mesh.
 pub const SIMPLIFIED: usize = 12_000;
-/// Meshes with fewer vertices than this are cut finer,
+/// Meshes with fewer vertices than this are cut finer before anything else is done.
 pub const REFINED_BELOW: usize = 2_000;
-/// to so many vertices, but at most to so many times their own.
+/// Vertices of a mesh that was cut finer, at most.
 pub const REFINED: usize = 3_000;
+/// Vertices of such a mesh for each given one, at most.
 pub const REFINED_TIMES: usize = 4;
 /// Vertices for each eigenpair at least: beyond, eigenfunctions show the mesh, not the surface.
 const VERTICES_A_PAIR: usize = 3;
