@@ -129,7 +129,7 @@ impl Shape {
         Self::assembled((mesh, full), surface, basis, farthest, fields, &check)
     }
 
-    /// The mesh on which everything is computed, and the given one behind it when it is large.
+    /// The mesh on which everything is computed, and the given one behind it when that is another.
     fn working_mesh(
         vertices: &[Point],
         faces: &[[i64; 3]],

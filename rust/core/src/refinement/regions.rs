@@ -15,7 +15,7 @@ const LEAST_REGION: f64 = 0.002;
 
 /// How much a map changes the lengths of edges at some target vertices and how little curvatures at four
 /// scales of smoothing agree there with those at the images, the smaller the better: both to the fourth
-/// power.
+/// power. `lengths` units of the source make one of the target's.
 #[must_use]
 pub fn misfit(
     target: &Shape,
@@ -93,7 +93,8 @@ fn curvature_misfit(target: &Shape, source: &Shape, images: &[u32], vertices: &[
         .product()
 }
 
-/// Σ (ℓ′ − ℓ)² / Σ ℓ² over the edges at the given vertices, ℓ′ the length between the images.
+/// Σ (ℓ′ − ℓ)² / Σ ℓ² over the edges at the given vertices, ℓ their length in the source's unit, ℓ′ that between
+/// the images.
 fn edge_misfit(
     target: &Shape,
     source: &Shape,
