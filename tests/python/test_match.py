@@ -188,6 +188,19 @@ def test_a_locally_scaled_shape_is_matched_better_in_the_scale_invariant_metric(
     assert errors["scale-invariant"] < 8
 
 
+def test_a_mistaken_symmetry_does_not_mislead():
+    # On the stout body a map of its front to its back passes for its symmetry, on the slender one the right one.
+    source = characters.make("biped", "slender", "rest", resolution=4000, seed=4)
+    target = characters.make("biped", "stout", "wave", resolution=5000, seed=5)
+    ids, truth = characters.truth(target, source)
+    found = sgmds.match((source.vertices, source.faces), (target.vertices, target.faces))
+    where = np.einsum("ni,nij->nj", found.barycentric, source.vertices[source.faces[found.faces]])
+    errors = np.linalg.norm(where[ids] - truth, axis=1)
+    # Every limb is where it belongs: a swapped or turned one would be off by a limb's thickness at least.
+    body = np.ptp(source.vertices, axis=0).max()
+    assert np.quantile(errors, 0.95) < 0.1 * body
+
+
 @pytest.mark.parametrize("part", sgmds.matching.PARTS)
 def test_a_copy_is_found_without_any_one_part_of_the_method(part):
     """Each is there for pairs that are no copies."""

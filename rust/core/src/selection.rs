@@ -116,15 +116,20 @@ pub struct Figures {
 }
 
 impl Figures {
-    /// By this candidates are ordered, the smaller the better: how far short distances change,
-    /// raised where the surface turns over, where curvatures do not agree and where the map
-    /// contradicts what is known.
+    /// By this candidates are ordered, the smaller the better: what the map does to the surface, raised
+    /// where it contradicts what is known.
     #[must_use]
     pub fn rank(&self) -> f64 {
+        self.surface_rank() * (1.0 + self.contradiction)
+    }
+
+    /// How far short distances change, raised where the surface turns over and where curvatures do not
+    /// agree.
+    #[must_use]
+    pub fn surface_rank(&self) -> f64 {
         (self.local_distortion + DISTORTION_NOISE)
             * (ORIENTATION_OFFSET.1 - self.orientation)
             * (DISAGREEMENT_OFFSET - self.agreement).sqrt()
-            * (1.0 + self.contradiction)
     }
 }
 

@@ -23,6 +23,10 @@ use crate::vector;
 /// A map between a part and a whole is taken when its rank is below this times that of the map
 /// between wholes: right ones reach 0.5 to 0.78, on whole shapes they stay above 0.95.
 const PART_FITS_BETTER: f64 = 0.8;
+/// Symmetries found on both shapes are the same when the best map that respects them has at most this times the
+/// rank of the best one that does not, each without what it contradicts: right ones stay below 1.25, also
+/// between cats and horses, where one of them was mistaken it is above 1.5.
+const SAME_SYMMETRY: f64 = 1.35;
 /// Two images of a vertex that are farther apart than this are different.
 const ELSEWHERE: f64 = 0.05;
 /// Close maps that differ on at most this share of the target are compared on that part.
@@ -57,14 +61,22 @@ pub(super) fn whole_or_part(
     };
     let mut best = selection::merged(pair.source, narrow, usual);
     let offsets = mirror_offsets(pair, &best[0].figures, progress)?;
-    let guided = &Pair {
+    let mut guided = pair;
+    let symmetric = &Pair {
         mirror_offsets: offsets.as_ref().map(|[t, s]| [&t[..], &s[..]]),
         ..*pair
     };
     if offsets.is_some() {
-        let more = found_or_none(search(guided, Shares::BOTH, Width::USUAL, (0.25, 0.35)))?;
-        selection::hold_symmetry_against(guided, &mut best);
-        best = selection::merged(pair.source, best, more);
+        let more = found_or_none(search(symmetric, Shares::BOTH, Width::USUAL, (0.25, 0.35)))?;
+        let bound = SAME_SYMMETRY * best[0].figures.surface_rank();
+        if more
+            .first()
+            .is_some_and(|m| m.figures.surface_rank() < bound)
+        {
+            selection::hold_symmetry_against(symmetric, &mut best);
+            best = selection::merged(pair.source, best, more);
+            guided = symmetric;
+        }
     }
     let whole = best[0].figures;
     if !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
