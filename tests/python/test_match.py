@@ -189,7 +189,7 @@ def test_a_locally_scaled_shape_is_matched_better_in_the_scale_invariant_metric(
 
 
 def test_a_mistaken_symmetry_does_not_mislead():
-    # On the stout body a map of its front to its back passes for its symmetry, on the slender one the right one.
+    # On the stout body a map of its front to its back passes for its symmetry.
     source = characters.make("biped", "slender", "rest", resolution=4000, seed=4)
     target = characters.make("biped", "stout", "wave", resolution=5000, seed=5)
     ids, truth = characters.truth(target, source)
