@@ -206,7 +206,7 @@ def test_what_cannot_fit_is_refused_with_the_numbers(small, monkeypatch):
     large = sheet, np.concatenate([lower, upper])
     for call in (lambda: sgmds.Shape(*large), lambda: sgmds.match(small[0], large)):
         with pytest.raises(
-            sgmds.NotEnoughMemory, match=r"160,000 vertices needs about 0\.5 GB, 0\.3 GB are free"
+            sgmds.NotEnoughMemory, match=r"160,000 vertices needs about 0\.4 GB, 0\.3 GB are free"
         ):
             call()
     with pytest.raises(MemoryError):

@@ -285,6 +285,12 @@ impl Mesh {
         )
     }
 
+    /// Whether the surface has a rim.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.report.boundary_edges > 0
+    }
+
     /// Vertices of the edges with one face, in ascending order.
     #[must_use]
     pub fn boundary_vertices(&self) -> Vec<u32> {

@@ -27,9 +27,8 @@ pub fn relative_length(pair: &Pair<'_>, on_source: &[u32], on_target: &[u32]) ->
         Shares::SOURCE_IS_PART => by_source(),
         _ => (by_target() * by_source()).sqrt(),
     };
-    let is_part = |smaller: &Shape| smaller.mesh.report.boundary_edges > 0;
-    if (length < EQUAL_FROM && is_part(pair.target))
-        || (length > 1.0 / EQUAL_FROM && is_part(pair.source))
+    if (length < EQUAL_FROM && pair.target.mesh.is_open())
+        || (length > 1.0 / EQUAL_FROM && pair.source.mesh.is_open())
     {
         length
     } else {
