@@ -23,6 +23,7 @@ pub mod metric;
 pub mod nearest;
 pub mod orientation;
 pub mod pair;
+mod part_search;
 pub mod pointwise_map;
 pub mod progress;
 pub mod quality;
@@ -34,6 +35,8 @@ pub mod simplification;
 pub mod space_tree;
 pub mod spectral_gmds;
 pub mod symmetry;
+#[cfg(test)]
+mod testing;
 pub mod transfer;
 pub mod vector;
 

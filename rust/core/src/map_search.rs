@@ -13,7 +13,7 @@ use crate::distance_operator;
 use crate::error::{Error, Result};
 use crate::hints::Which;
 use crate::nearest::lowest;
-use crate::orientation::{TangentGradients, better_signs, orientation, shares};
+use crate::orientation::{FUNCTIONS, TangentGradients, better_signs, orientation, shares};
 use crate::pair::{Mirror, Pair, Part, Shares};
 use crate::progress::Progress;
 use crate::shape::Shape;
@@ -527,7 +527,7 @@ impl Sampled {
             basis,
             fixed,
             mismatch,
-            gradients: TangentGradients::new(own, samples),
+            gradients: TangentGradients::new(own, samples, FUNCTIONS),
             asking: own.farthest_points(width.asking).len(),
         }
     }

@@ -13,7 +13,7 @@ use faer::{Mat, MatRef};
 use crate::shape::Shape;
 use crate::vector::{self, Point};
 
-/// Eigenfunctions whose gradients are used at most.
+/// Eigenfunctions whose gradients are used at most, between whole shapes.
 pub const FUNCTIONS: usize = 40;
 /// Keeps the cosine of two vanishing bivectors defined.
 const COSINE_FLOOR: f64 = 1e-30;
@@ -32,10 +32,10 @@ pub struct TangentGradients {
 }
 
 impl TangentGradients {
-    /// Gradients of the first [`FUNCTIONS`] eigenfunctions at `vertices`.
+    /// Gradients of the first so many eigenfunctions at `vertices`.
     #[must_use]
-    pub fn new(shape: &Shape, vertices: &[u32]) -> Self {
-        let functions = FUNCTIONS.min(shape.basis.values.len());
+    pub fn new(shape: &Shape, vertices: &[u32], functions: usize) -> Self {
+        let functions = functions.min(shape.basis.values.len());
         let mut rows = Vec::with_capacity(vertices.len() * functions);
         let mut defined = Vec::with_capacity(vertices.len());
         for &v in vertices {

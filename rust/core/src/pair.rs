@@ -159,6 +159,12 @@ pub struct Pair<'a> {
 }
 
 impl Pair<'_> {
+    /// Whether the shapes' units of length are known to differ.
+    #[must_use]
+    pub fn knows_lengths(&self) -> bool {
+        (self.lengths - 1.0).abs() > f64::EPSILON
+    }
+
     /// Whether a part of the method is used.
     #[must_use]
     pub fn uses(&self, part: Part) -> bool {

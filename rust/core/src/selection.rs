@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::hints::Hints;
 use crate::map_search::Candidate;
 use crate::nearest::nearest;
-use crate::orientation::{TangentGradients, orientation};
+use crate::orientation::{FUNCTIONS, TangentGradients, orientation};
 use crate::pair::{Mirror, Pair, Part, Shares};
 use crate::refinement::embedded_surface::{self, Refined, Side};
 use crate::refinement::upsampling::{self, UPSAMPLED_SIZE};
@@ -133,6 +133,17 @@ impl Figures {
     }
 }
 
+/// How a hypothesis was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// By the search over sign patterns.
+    Searched,
+    /// By placing samples of a part on the whole.
+    Placed,
+    /// From where both shapes lie as given.
+    InPlace,
+}
+
 /// A map that may be the right one, before its final refinement.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
@@ -142,10 +153,26 @@ pub struct Hypothesis {
     pub figures: Figures,
     /// Which shape it takes as a part of the other.
     pub shares: Shares,
-    /// Whether it takes the shapes to lie on one another as they were given.
-    pub in_place: bool,
+    /// How it was found.
+    pub origin: Origin,
+    /// How many units of length of the source one of the target is, where that is known, else 1.
+    pub lengths: f64,
     /// Source vertices of the target's judging samples.
-    images: Vec<u32>,
+    pub images: Vec<u32>,
+}
+
+impl Hypothesis {
+    /// Whether a part is sought on a whole, by more than where they lie as given.
+    #[must_use]
+    pub fn is_of_part(&self) -> bool {
+        self.shares != Shares::BOTH && self.origin != Origin::InPlace
+    }
+
+    /// Replaces its figures and images by those of its completed map.
+    pub fn judge_anew(&mut self, figures: Figures, completed: &Refined<'_>) {
+        self.figures = figures;
+        self.images = judged_images(&completed.target);
+    }
 }
 
 /// Plausible maps: upsamples and scores the candidates, refines the best that differ for a short while, and orders
@@ -247,7 +274,7 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
     } else {
         1.0
     };
-    let o = orientation_of(pair, &images, matrix.as_ref());
+    let o = orientation_of(pair, matrix.as_ref(), &images, &back);
     let o = if pair.mirror == Mirror::Allow {
         o.abs()
     } else {
@@ -267,8 +294,7 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
     } else {
         1.0
     };
-    let known: Vec<u32> = pair.hints.landmarks.iter().map(|&(_, t)| t).collect();
-    let found = nearest(&rows_t.gather(&known), &rows_s);
+    let found = landmark_images(pair, &rows_t, &rows_s);
     let contradiction = missed_landmarks(pair, &found) + off_axes(pair, &images);
     Scored {
         matrix,
@@ -279,19 +305,40 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
     }
 }
 
-/// Orientation of a map over the target's judging samples and their images.
-fn orientation_of(pair: &Pair<'_>, images: &[u32], matrix: MatRef<'_, f64>) -> f64 {
+/// Orientation of a map over the judging samples of the target, or of a source that is a part, and their images.
+fn orientation_of(
+    pair: &Pair<'_>,
+    matrix: MatRef<'_, f64>,
+    on_source: &[u32],
+    on_target: &[u32],
+) -> f64 {
     if !pair.uses(Part::Orientation) {
         return 1.0;
     }
-    let asking = judging(pair.target);
+    let (here, there) = if pair.shares == Shares::SOURCE_IS_PART {
+        (on_target, judging(pair.source))
+    } else {
+        (judging(pair.target), on_source)
+    };
+    // Low functions of a part are made of many of the whole.
+    let functions = if pair.knows_lengths() {
+        FUNCTIONS.max(matrix.nrows())
+    } else {
+        FUNCTIONS
+    };
     orientation(
-        &TangentGradients::new(pair.target, asking),
-        &TangentGradients::new(pair.source, images),
+        &TangentGradients::new(pair.target, here, functions),
+        &TangentGradients::new(pair.source, there, functions),
         matrix,
-        (0..asking.len()).map(|i| (i, i)),
+        (0..here.len()).map(|i| (i, i)),
         ORIENTATION_FUNCTIONS,
     )
+}
+
+/// Source vertices of the landmarks by the embeddings of a map.
+fn landmark_images(pair: &Pair<'_>, target: &Rows, source: &Rows) -> Vec<u32> {
+    let known: Vec<u32> = pair.hints.landmarks.iter().map(|&(_, t)| t).collect();
+    nearest(&target.gather(&known), source)
 }
 
 /// Σ (d/0.1)² over landmarks, d the distance between given and found image.
@@ -391,18 +438,67 @@ fn judged(
         embedded_surface::SHORT,
         &|_| check(),
     )?;
-    // The drawn vertices begin with the farthest-point samples.
-    let images = |side: &Side<'_>| side.images.vertex[..judging(side.shape()).len()].to_vec();
-    let (on_source, on_target) = (images(&state.target), images(&state.source));
+    let (on_source, on_target) = (drawn_images(&state.target), drawn_images(&state.source));
     let mut figures = figures(pair, scored.matrix.as_ref(), &on_source, &on_target);
     figures.contradiction = scored.contradiction + off_symmetry(pair, &on_source);
     Ok(Hypothesis {
         matrix: scored.matrix.clone(),
         figures,
         shares: pair.shares,
-        in_place: false,
+        origin: Origin::Searched,
+        lengths: pair.lengths,
         images: on_source,
     })
+}
+
+/// Images of the samples on which maps are judged, where drawn vertices ask, which begin with them.
+fn drawn_images(side: &Side<'_>) -> Vec<u32> {
+    side.images.vertex[..judging(side.shape()).len()].to_vec()
+}
+
+/// Plausible maps of a part into a whole, best first: first maps, `(kₛ, kₜ)`, refined for a short while. How long the
+/// unit of one is on the other has to be known.
+///
+/// # Errors
+/// [`Error::Cancelled`], [`Error::NotFactorised`].
+pub fn of_part(
+    pair: &Pair<'_>,
+    first_maps: &[Mat<f64>],
+    check: &(dyn Fn() -> Result<()> + Sync),
+) -> Result<Vec<Hypothesis>> {
+    let unguided = Pair {
+        hints: &Hints::default(),
+        ..*pair
+    };
+    let judged: Vec<Hypothesis> = first_maps
+        .par_iter()
+        .map(|first| {
+            let schedule = embedded_surface::OF_PART;
+            let state =
+                embedded_surface::refined(&unguided, first.as_ref(), schedule, &|_| check())?;
+            let (on_source, on_target) = (drawn_images(&state.target), drawn_images(&state.source));
+            let matrix = state.low_map(UPSAMPLED_SIZE).to_owned();
+            let mut figures = figures(pair, matrix.as_ref(), &on_source, &on_target);
+            let of_landmarks = landmark_images(pair, &state.target.rows, &state.source.rows);
+            figures.contradiction = missed_landmarks(pair, &of_landmarks)
+                + off_axes(pair, &on_source)
+                + off_symmetry(pair, &on_source);
+            Ok(Hypothesis {
+                matrix,
+                figures,
+                shares: pair.shares,
+                origin: Origin::Placed,
+                lengths: pair.lengths,
+                images: on_source,
+            })
+        })
+        .collect::<Result<_>>()?;
+    let direct = judged
+        .into_iter()
+        .filter(|h| pair.mirror == Mirror::Allow || h.figures.orientation > 0.0);
+    let mut best = merged(pair.source, direct.collect(), Vec::new());
+    best.truncate(VOTERS);
+    Ok(best)
 }
 
 /// The map between surfaces that lie on one another as they were given, found without what is known of it.
@@ -428,7 +524,8 @@ pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Hypothesis 
         matrix,
         figures,
         shares: pair.shares,
-        in_place: true,
+        origin: Origin::InPlace,
+        lengths: pair.lengths,
         images: on_source,
     }
 }
@@ -469,13 +566,14 @@ pub fn figures(
     on_target: &[u32],
 ) -> Figures {
     let (target, source) = (pair.target, pair.source);
+    // In the unit of the shape that asks, so that a part gains nothing by being taken for a smaller one.
     let change = |a: &Shape, unit: f64, b: &Shape, images: &[u32]| {
         let asking = judging(a);
-        let own = Scale(unit) * a.spectral_distances(asking, asking);
-        mean_change(&own, &b.spectral_distances(images, images), LOCAL)
+        let there = Scale(1.0 / unit) * b.spectral_distances(images, images);
+        mean_change(&a.spectral_distances(asking, asking), &there, LOCAL)
     };
     Figures {
-        orientation: orientation_of(pair, on_source, matrix),
+        orientation: orientation_of(pair, matrix, on_source, on_target),
         local_distortion: if pair.uses(Part::Geodesic) {
             pair.shares.mean(
                 change(target, pair.lengths, source, on_source),

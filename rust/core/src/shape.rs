@@ -291,6 +291,16 @@ impl Shape {
         &self.farthest[..self.fields.ncols()]
     }
 
+    /// Distances between the samples from which they were marched, `(s, s)`.
+    #[must_use]
+    pub fn between_marched(&self) -> Mat<f32> {
+        let marched = self.marched();
+        let d = |i: usize, j: usize| self.fields[(marched[i] as usize, j)];
+        Mat::from_fn(marched.len(), marched.len(), |i, j| {
+            f32::midpoint(d(i, j), d(j, i))
+        })
+    }
+
     /// The first so many farthest-point samples, fewer on a small shape; any number of them covers it.
     #[must_use]
     pub fn farthest_points(&self, count: usize) -> &[u32] {

@@ -79,7 +79,7 @@ pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<E
 /// samples grow by one sample at a time, the least stressed are kept, and of the complete ones
 /// the best that differ are returned.
 fn starts(target: &Shape, source: &Shape, count: usize) -> Vec<Vec<u32>> {
-    let (on_target, on_source) = (between_samples(target), between_samples(source));
+    let (on_target, on_source) = (target.between_marched(), source.between_marched());
     let candidates = on_source.nrows() as u32;
     let mut partial: Vec<(f32, Vec<u32>)> = (0..candidates).map(|c| (0.0, vec![c])).collect();
     for i in 1..count {
@@ -132,15 +132,6 @@ fn starts(target: &Shape, source: &Shape, count: usize) -> Vec<Vec<u32>> {
     chosen
 }
 
-/// Distances between the samples of a shape, `(s, s)`.
-fn between_samples(shape: &Shape) -> Mat<f32> {
-    let marched = shape.marched();
-    Mat::from_fn(marched.len(), marched.len(), |i, j| {
-        let d = |a: usize, b: usize| shape.fields[(marched[a] as usize, b)];
-        f32::midpoint(d(i, j), d(j, i))
-    })
-}
-
 /// The target's first samples placed on the source.
 struct Placement<'a> {
     source: &'a Shape,
@@ -158,7 +149,7 @@ impl<'a> Placement<'a> {
     fn new(target: &Shape, source: &'a Shape, vertices: &[u32]) -> Self {
         let mut placement = Self {
             source,
-            wanted: between_samples(target),
+            wanted: target.between_marched(),
             points: Vec::new(),
             fields: Rows::zeros(source.fields.nrows(), vertices.len()),
             workspace: Workspace::new(&source.marching),

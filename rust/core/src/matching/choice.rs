@@ -1,5 +1,6 @@
 //! The automatic method: which of the maps found is completed, and which are kept beside it.
 
+use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
@@ -11,11 +12,14 @@ use crate::error::{Error, Result};
 use crate::hints::Hints;
 use crate::map_search::{SampledPair, Width};
 use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
+use crate::part_search;
 use crate::progress::Progress;
 use crate::quality;
 use crate::refinement::embedded_surface::{self, Refined};
 use crate::refinement::regions;
-use crate::selection::{self, Figures, Hypothesis};
+use crate::refinement::relative_length::growth_at_samples;
+use crate::refinement::upsampling::UPSAMPLED_SIZE;
+use crate::selection::{self, Figures, Hypothesis, Origin};
 use crate::shape::Shape;
 use crate::symmetry;
 use crate::vector;
@@ -25,6 +29,18 @@ use crate::vector;
 const PART_FITS_BETTER: f64 = 0.8;
 /// The same where the part has no rim, as if nothing were cut off: between animals wrong ones reach 0.71.
 const CLOSED_PART_FITS_BETTER: f64 = 0.6;
+/// The same where given lengths say that it is a part and the map between wholes is doubtful.
+const KNOWN_PART_FITS_BETTER: f64 = 1.1;
+/// Close hypotheses completed at most, and hypotheses of a part, of which the first are all completed.
+const MOST_COMPLETED: usize = 3;
+const MOST_COMPLETED_OF_PART: usize = 8;
+/// Lengths of a part in units of the whole, both at unit area, when they are given in one unit: a body that is no
+/// part is not just so much smaller, and less leaves little to be recognised by.
+const PART_LENGTHS: Range<f64> = 0.4..0.97;
+/// Lengths of the unit of a part on the whole where nothing tells them: each finds the maps of parts within a tenth.
+const ASSUMED_PART_LENGTHS: [f64; 2] = [0.9, 0.75];
+/// Maps found otherwise that a search for a part begins with too.
+const OTHER_STARTS: usize = 6;
 /// Symmetries found on both shapes are the same when the best map that respects them has at most this times the
 /// rank of the best one that does not, each without what it contradicts: right ones stay below 1.25, also
 /// between cats and horses, where one of them was mistaken it is above 1.5.
@@ -33,8 +49,6 @@ const SAME_SYMMETRY: f64 = 1.35;
 const ELSEWHERE: f64 = 0.05;
 /// Close maps that differ on at most this share of the target are compared on that part.
 const PART_AT_MOST: f64 = 0.5;
-/// Close hypotheses completed at most.
-const MOST_COMPLETED: usize = 3;
 
 /// Hypotheses for two whole shapes: by a narrow search alone where that finds a clear map without a
 /// rival, else by a usual one as well, and where the bodies differ by one that also knows the plane of
@@ -52,8 +66,10 @@ pub(super) fn whole_or_part(
     };
     let narrow = found_or_none(search(pair, Shares::BOTH, Width::NARROW, (0.0, 0.1)))?;
     let narrow = selection::merged(pair.source, narrow, as_they_lie(pair, progress)?);
+    let part = part_by_given_lengths(pair);
     if selection::stands_alone(&narrow) && quality::clear(&narrow[0].figures) {
-        return Ok(narrow);
+        let within = |f: f64| report("selection", 0.1 + 0.5 * f);
+        return or_part(pair, part, narrow, progress, &within);
     }
     let usual = search(pair, Shares::BOTH, Width::USUAL, (0.1, 0.25));
     let usual = if narrow.is_empty() {
@@ -80,13 +96,15 @@ pub(super) fn whole_or_part(
             guided = symmetric;
         }
     }
+    best = or_part(pair, part, best, progress, &|f| {
+        report("selection", 0.35 + 0.05 * f)
+    })?;
     let whole = best[0].figures;
-    if !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
+    if best[0].shares != Shares::BOTH || !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
         return Ok(best);
     }
-    let mut least = f64::INFINITY;
     for (shares, part, within) in [
-        (Shares::TARGET_IS_PART, pair.target, (0.35, 0.45)),
+        (Shares::TARGET_IS_PART, pair.target, (0.4, 0.45)),
         (Shares::SOURCE_IS_PART, pair.source, (0.45, 0.5)),
     ] {
         let mut found = found_or_none(search(guided, shares, Width::USUAL, within))?;
@@ -95,12 +113,11 @@ pub(super) fn whole_or_part(
         } else {
             CLOSED_PART_FITS_BETTER
         };
-        let bound = least.min(better * whole.surface_rank());
-        if found
-            .first()
-            .is_some_and(|p| p.figures.surface_rank() < bound)
-        {
-            least = found[0].figures.surface_rank();
+        if part.mesh.is_open() {
+            let placed = placed_anyhow(pair, shares, &found, progress)?;
+            found = selection::merged(pair.source, found, placed);
+        }
+        if fits_better(&found, &whole, better) && fits_better(&found, &best[0].figures, 1.0) {
             found.push(best.swap_remove(0));
             best = found;
         }
@@ -110,6 +127,133 @@ pub(super) fn whole_or_part(
         best = selection::merged(pair.source, best, wide);
     }
     Ok(best)
+}
+
+/// Whether the first of some hypotheses has at most so many times the rank of another map, with and without what
+/// either contradicts.
+fn fits_better(found: &[Hypothesis], other: &Figures, times: f64) -> bool {
+    found.first().is_some_and(|Hypothesis { figures, .. }| {
+        figures.surface_rank() < times * other.surface_rank()
+            && figures.rank() < times * other.rank()
+    })
+}
+
+/// The hypotheses; before them those of a part with known lengths where these fit better.
+fn or_part(
+    pair: &Pair<'_>,
+    part: Option<(Shares, f64)>,
+    mut best: Vec<Hypothesis>,
+    progress: &Progress,
+    report: &(dyn Fn(f64) -> Result<()> + Sync),
+) -> Result<Vec<Hypothesis>> {
+    let whole = best[0].figures;
+    let doubtful = quality::doubtful(&whole);
+    let wanted = |lengths: f64| {
+        pair.uses(Part::Retry)
+            && best[0].shares == Shares::BOTH
+            && (doubtful || grows_to(pair, &best[0], lengths))
+    };
+    let Some((shares, lengths)) = part.filter(|&(_, lengths)| wanted(lengths)) else {
+        return Ok(best);
+    };
+    report(0.0)?;
+    let as_part = &Pair { shares, ..*pair };
+    let searched = hypotheses(as_part, Width::NARROW, progress, &|_, f| report(0.5 * f));
+    let mut starts = found_or_none(searched)?;
+    starts.extend(best.iter().cloned());
+    let mut found = placed(pair, (shares, lengths), &starts, progress)?;
+    report(1.0)?;
+    let better = if doubtful {
+        KNOWN_PART_FITS_BETTER
+    } else {
+        PART_FITS_BETTER
+    };
+    if fits_better(&found, &whole, better) {
+        found.push(best.swap_remove(0));
+        best = found;
+    }
+    Ok(best)
+}
+
+/// Whether a map makes distances rather so many times as long than leaving them.
+fn grows_to(pair: &Pair<'_>, map: &Hypothesis, lengths: f64) -> bool {
+    let growth = growth_at_samples(pair.target, pair.source, &map.images);
+    (growth / lengths).ln().abs() < growth.ln().abs()
+}
+
+/// Hypotheses for a part of known lengths: from distances between samples, and from maps found otherwise.
+fn placed(
+    pair: &Pair<'_>,
+    (shares, lengths): (Shares, f64),
+    others: &[Hypothesis],
+    progress: &Progress,
+) -> Result<Vec<Hypothesis>> {
+    let pair = &Pair {
+        shares,
+        lengths,
+        ..*pair
+    };
+    let check = || progress.check();
+    let mut starts = part_search::first_maps(pair, &check)?;
+    starts.extend(others.iter().take(OTHER_STARTS).map(|h| h.matrix.clone()));
+    selection::of_part(pair, &starts, &check)
+}
+
+/// Those for a part whose lengths nothing tells.
+fn placed_anyhow(
+    pair: &Pair<'_>,
+    shares: Shares,
+    others: &[Hypothesis],
+    progress: &Progress,
+) -> Result<Vec<Hypothesis>> {
+    let mut found = Vec::new();
+    for length in ASSUMED_PART_LENGTHS {
+        let lengths = if shares == Shares::TARGET_IS_PART {
+            length
+        } else {
+            1.0 / length
+        };
+        let more = placed(pair, (shares, lengths), others, progress)?;
+        found = selection::merged(pair.source, found, more);
+    }
+    Ok(found)
+}
+
+/// Which open shape is a part, and lengths, if both are of one size as given: it is then clearly smaller.
+fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Shares, f64)> {
+    let lengths = pair.target.unit / pair.source.unit;
+    let is_part =
+        |shape: &Shape, length: f64| shape.mesh.is_open() && PART_LENGTHS.contains(&length);
+    if is_part(pair.target, lengths) {
+        Some((Shares::TARGET_IS_PART, lengths))
+    } else if is_part(pair.source, 1.0 / lengths) {
+        Some((Shares::SOURCE_IS_PART, lengths))
+    } else {
+        None
+    }
+}
+
+/// Hypotheses where it is known whether one shape is a part of the other, and which.
+pub(super) fn as_asked(
+    pair: &Pair<'_>,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Vec<Hypothesis>> {
+    let mut found = hypotheses(pair, Width::USUAL, progress, report);
+    if pair.shares != Shares::BOTH {
+        let searched = found_or_none(found)?;
+        let given = part_by_given_lengths(pair).filter(|&(shares, _)| shares == pair.shares);
+        let more = match given {
+            Some(part) => placed(pair, part, &searched, progress),
+            None => placed_anyhow(pair, pair.shares, &searched, progress),
+        }?;
+        found = Ok(selection::merged(pair.source, searched, more));
+    }
+    Ok(selection::merged(
+        pair.source,
+        found?,
+        as_they_lie(pair, progress)?,
+    ))
 }
 
 /// The map between surfaces that lie on one another as they were given, if they do.
@@ -172,26 +316,44 @@ pub(super) fn hypotheses(
     selection::vote(pair, &candidates, &|f| report("selection", 0.5 + 0.5 * f))
 }
 
-/// The best hypothesis completed. Close ones are all completed and ranked anew by their refined
-/// maps; those that differ from the best in a part only are compared on that part. The others are
-/// kept as alternatives.
+/// The best hypothesis completed; the others are kept as alternatives.
 pub(super) fn clearest(
     pair: &Pair<'_>,
     mut hypotheses: Vec<Hypothesis>,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
-    let close = selection::rivals(&hypotheses).min(MOST_COMPLETED);
-    let mut completed: Vec<Completed<'_>> = hypotheses[..close]
-        .par_iter()
-        .map(|h| completed_and_ranked(pair, h, progress, report))
-        .collect::<Result<_>>()?;
-    let first = (0..close)
-        .min_by(|&i, &j| completed[i].rank.total_cmp(&completed[j].rank))
-        .ok_or(Error::NoMap {
-            reason: "no candidate stood in the vote".into(),
-        })?;
-    let best = (0..close).fold(first, |best, other| {
+    let complete = |some: &[Hypothesis]| -> Result<Vec<Completed<'_>>> {
+        some.par_iter()
+            .map(|h| completed_and_ranked(pair, h, progress, report))
+            .collect()
+    };
+    let found = if hypotheses.first().is_some_and(Hypothesis::is_of_part) {
+        best_of_part(&mut hypotheses, &complete)?
+    } else {
+        let close = selection::rivals(&hypotheses).min(MOST_COMPLETED);
+        best_of_close(pair, complete(&hypotheses[..close])?)
+    };
+    let (best, map) = found.ok_or(Error::NoMap {
+        reason: "no candidate stood in the vote".into(),
+    })?;
+    selection::compare_with_chosen(pair.source, best, &mut hypotheses);
+    let chosen = hypotheses.remove(best);
+    let mut found = map.finished(pair, &chosen, progress)?;
+    found.others = hypotheses;
+    report("dense map", 1.0)?;
+    Ok(found)
+}
+
+/// The best of close maps by their completed figures; those that differ from it in a part only are compared on that
+/// part.
+fn best_of_close<'a>(
+    pair: &Pair<'_>,
+    mut completed: Vec<Completed<'a>>,
+) -> Option<(usize, Completed<'a>)> {
+    let rank = |i: usize| completed[i].figures.rank();
+    let first = (0..completed.len()).min_by(|&i, &j| rank(i).total_cmp(&rank(j)))?;
+    let best = (0..completed.len()).fold(first, |best, other| {
         if other != best && fits_better_where_it_differs(pair, &completed[other], &completed[best])
         {
             other
@@ -199,14 +361,31 @@ pub(super) fn clearest(
             best
         }
     });
-    selection::compare_with_chosen(pair.source, best, &mut hypotheses);
-    let chosen = hypotheses.remove(best);
-    let mut found = completed
-        .swap_remove(best)
-        .finished(pair, &chosen, progress)?;
-    found.others = hypotheses;
-    report("dense map", 1.0)?;
-    Ok(found)
+    Some((best, completed.swap_remove(best)))
+}
+
+/// The best of the first maps of a part by their completed figures, which take the place of those before: many are
+/// half turned after a short refinement, so that the right one may rank behind several.
+fn best_of_part<'a>(
+    hypotheses: &mut [Hypothesis],
+    complete: &dyn Fn(&[Hypothesis]) -> Result<Vec<Completed<'a>>>,
+) -> Result<Option<(usize, Completed<'a>)>> {
+    let of_part = hypotheses.iter().take_while(|h| h.is_of_part()).count();
+    let mut best: Option<(usize, Completed<'a>)> = None;
+    let first = &mut hypotheses[..of_part.min(MOST_COMPLETED_OF_PART)];
+    // A few at a time, to keep few of them.
+    for (batch, some) in first.chunks_mut(MOST_COMPLETED).enumerate() {
+        for (i, map) in complete(some)?.into_iter().enumerate() {
+            some[i].judge_anew(map.figures, &map.state);
+            if best
+                .as_ref()
+                .is_none_or(|(_, other)| map.figures.rank() < other.figures.rank())
+            {
+                best = Some((batch * MOST_COMPLETED + i, map));
+            }
+        }
+    }
+    Ok(best)
 }
 
 /// Whether a map that differs from another in some part of the target keeps distances and
@@ -275,9 +454,8 @@ pub fn completed(
 /// A refined map with what decides between close ones.
 struct Completed<'a> {
     state: Refined<'a>,
-    /// Rank of the refined map, and how well it matches curvatures.
-    rank: f64,
-    agreement: f64,
+    /// Figures of the refined map.
+    figures: Figures,
     /// Local distortion at each target vertex.
     distortion: Vec<f64>,
     /// Source vertex of each target vertex.
@@ -310,7 +488,7 @@ impl Completed<'_> {
             progress,
         )?;
         found.figures = Some(Figures {
-            agreement: self.agreement,
+            agreement: self.figures.agreement,
             ..hypothesis.figures
         });
         found.shares = hypothesis.shares;
@@ -329,22 +507,27 @@ fn completed_and_ranked<'a>(
     let (asking, answering) = (&state.target, &state.source);
     let images = &asking.images.vertex;
     let distortion = local_distortion(pair.target, pair.source, images, pair.lengths, progress)?;
-    let figures = if hypothesis.in_place {
+    let figures = if hypothesis.origin == Origin::InPlace {
         hypothesis.figures
     } else {
+        let matrix = if hypothesis.is_of_part() {
+            state.low_map(UPSAMPLED_SIZE)
+        } else {
+            hypothesis.matrix.as_ref()
+        };
         Figures {
             contradiction: hypothesis.figures.contradiction,
+            mirrored_gain: hypothesis.figures.mirrored_gain,
             ..selection::figures(
                 &pair,
-                hypothesis.matrix.as_ref(),
+                matrix,
                 &selection::judged_images(asking),
                 &selection::judged_images(answering),
             )
         }
     };
     Ok(Completed {
-        rank: figures.rank(),
-        agreement: figures.agreement,
+        figures,
         distortion,
         images: asking.images.vertex.clone(),
         state,
@@ -357,13 +540,14 @@ fn refined<'a>(
     hypothesis: &Hypothesis,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<(Pair<'a>, Refined<'a>)> {
-    if hypothesis.in_place
+    if hypothesis.origin == Origin::InPlace
         && let Some(found) = embedded_surface::in_place(pair, &|| report("refinement", 0.0))?
     {
         return Ok(found);
     }
     let pair = Pair {
         shares: hypothesis.shares,
+        lengths: hypothesis.lengths,
         ..*pair
     };
     let state = embedded_surface::refined(

@@ -9,17 +9,15 @@ use std::sync::Arc;
 use crate::baselines::{functional_map, gmds};
 use crate::error::{Error, Result};
 use crate::hints::Hints;
-use crate::map_search::Width;
 use crate::pair::{LeftOut, Mirror, Pair, Shares};
 use crate::progress::Progress;
-use crate::selection;
 use crate::shape::Shape;
 
 pub use choice::completed;
 pub use correspondence::Correspondence;
 pub use published::energy;
 
-use choice::{as_they_lie, clearest, hypotheses, whole_or_part};
+use choice::{as_asked, clearest, whole_or_part};
 use published::{by_paper, embedded};
 
 /// Which algorithm.
@@ -121,9 +119,7 @@ pub fn match_shapes(
                 mirror_offsets: None,
             };
             let hypotheses = if options.shares.is_some() {
-                let stage = |s: &'static str, f: f64| report(s, 0.6 * f);
-                let found = hypotheses(&pair, Width::USUAL, progress, &stage)?;
-                selection::merged(source, found, as_they_lie(&pair, progress)?)
+                as_asked(&pair, progress, &|s, f| report(s, 0.6 * f))?
             } else {
                 whole_or_part(&pair, progress, report)?
             };

@@ -110,6 +110,12 @@ pub const SHORT: Schedule = Schedule {
     drawn: Some(800),
 };
 
+/// The one by which first maps of a part are compared, of some twenty eigenfunctions and lengths that are known.
+pub const OF_PART: Schedule = Schedule {
+    sizes: &[20, 25, 32, 40, 50, 60, 76, 95, 120],
+    ..SHORT
+};
+
 /// One shape's part in a refinement.
 #[derive(Debug, Clone)]
 pub struct Side<'a> {
@@ -169,7 +175,7 @@ pub fn refined<'a>(
 ) -> Result<Refined<'a>> {
     let start = || report(0.0);
     let mut state = Refined::start(pair, matrix, schedule.drawn, &start)?;
-    if schedule.drawn.is_none() {
+    if schedule.drawn.is_none() && !pair.knows_lengths() {
         let (on_source, on_target) = (&state.target.images, &state.source.images);
         state.lengths = relative_length(pair, &on_source.vertex, &on_target.vertex);
     }
@@ -459,6 +465,15 @@ impl<'a> Refined<'a> {
         );
         on_source.and(on_target)?;
         Ok(state)
+    }
+
+    /// The map of the last step between `k` eigenfunctions, fewer of a part, `(kₛ, kₜ)`.
+    #[must_use]
+    pub fn low_map(&self, k: usize) -> MatRef<'_, f64> {
+        let [on_target, on_source] = self.sizes(k);
+        let (rows, columns) = self.matrix.shape();
+        self.matrix
+            .get(..on_source.min(rows), ..on_target.min(columns))
     }
 
     /// Climbs as it stands and by way of few eigenfunctions, and joins what is better of both.
@@ -832,41 +847,14 @@ fn as_matrix(points: &[Point]) -> Mat<f64> {
 mod tests {
     use super::*;
     use crate::hints::Hints;
-    use crate::pair::{LeftOut, Shares};
-    use crate::progress::Progress;
-
-    /// A torus with a thin and a thick side.
-    fn shape() -> Shape {
-        const AROUND: [i64; 2] = [48, 20];
-        let at = |i: i64, j: i64| (i % AROUND[0]) * AROUND[1] + j % AROUND[1];
-        let (mut vertices, mut faces) = (Vec::new(), Vec::new());
-        for (i, j) in (0..AROUND[0]).flat_map(|i| (0..AROUND[1]).map(move |j| (i, j))) {
-            let [u, v] =
-                [(i, AROUND[0]), (j, AROUND[1])].map(|(i, n)| 2.0 * PI * i as f64 / n as f64);
-            let thick = 0.3 + 0.1 * u.cos() + 0.05 * (2.0 * u).sin();
-            let radius = 1.0 + thick * v.cos();
-            vertices.push([radius * u.cos(), radius * u.sin(), thick * v.sin()]);
-            faces.push([at(i, j), at(i + 1, j), at(i + 1, j + 1)]);
-            faces.push([at(i, j), at(i + 1, j + 1), at(i, j + 1)]);
-        }
-        Shape::new(&vertices, &faces, &Progress::default(), &|_, _| Ok(())).expect("a sound mesh")
-    }
+    use crate::pair::Shares;
+    use crate::testing::{self, RINGS, torus};
 
     #[test]
     fn a_shape_shares_its_eigenfunctions_with_itself_and_none_by_scattered_images() {
-        let shape = shape();
-        let hints = Hints::new(&shape, &shape, Vec::new(), false, &Progress::default())
-            .expect("nothing to march");
-        let pair = Pair {
-            target: &shape,
-            source: &shape,
-            shares: Shares::BOTH,
-            mirror: Mirror::Forbid,
-            hints: &hints,
-            left_out: LeftOut::default(),
-            lengths: 1.0,
-            mirror_offsets: None,
-        };
+        let shape = torus(RINGS);
+        let hints = Hints::default();
+        let pair = testing::pair(&shape, &shape, Shares::BOTH, &hints);
         let shared_by = |image: &dyn Fn(u32) -> u32| {
             let mut state = Refined {
                 target: Side::new(&pair, Which::Target, None),

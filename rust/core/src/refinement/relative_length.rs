@@ -36,12 +36,21 @@ pub fn relative_length(pair: &Pair<'_>, on_source: &[u32], on_target: &[u32]) ->
     }
 }
 
-/// Median of the distance between images over that between samples; 1 where there is none to compare.
+/// [`growth_at_samples`] by the images of all vertices.
 fn median_growth(own: &Shape, other: &Shape, images: &[u32]) -> f64 {
-    let samples = own.farthest_points(SAMPLES);
-    let images: Vec<u32> = samples.iter().map(|&v| images[v as usize]).collect();
+    let samples = own.farthest_points(SAMPLES).iter();
+    let images: Vec<u32> = samples.map(|&v| images[v as usize]).collect();
+    growth_at_samples(own, other, &images)
+}
+
+/// Median of the distance between images over that between samples; 1 where there is none to compare. The
+/// images are those of the first farthest-point samples.
+#[must_use]
+pub fn growth_at_samples(own: &Shape, other: &Shape, images: &[u32]) -> f64 {
+    let samples = own.farthest_points(SAMPLES.min(images.len()));
+    let images = &images[..samples.len()];
     let here = own.spectral_distances(samples, samples);
-    let there = other.spectral_distances(&images, &images);
+    let there = other.spectral_distances(images, images);
     let mut growths: Vec<f64> = (0..samples.len())
         .flat_map(|j| (0..j).map(move |i| (i, j)))
         .filter(|&at| COMPARED.contains(&here[at]))
@@ -58,54 +67,13 @@ fn median_growth(own: &Shape, other: &Shape, images: &[u32]) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use std::f64::consts::TAU;
-
     use super::*;
     use crate::hints::Hints;
-    use crate::pair::{LeftOut, Mirror};
-    use crate::progress::Progress;
-
-    const AROUND: [i64; 2] = [48, 20];
-
-    /// A torus of 48 rings of 20 vertices, of which the first so many are there.
-    fn torus(rings: i64) -> Shape {
-        let at = |i: i64, j: i64| (i % AROUND[0]) * AROUND[1] + j % AROUND[1];
-        let angle = |i: i64, of: i64| TAU * i as f64 / of as f64;
-        let vertices: Vec<_> = (0..AROUND[0] * AROUND[1])
-            .map(|v| {
-                let (sin_u, cos_u) = angle(v / AROUND[1], AROUND[0]).sin_cos();
-                let (sin_v, cos_v) = angle(v % AROUND[1], AROUND[1]).sin_cos();
-                let radius = 1.0 + 0.4 * cos_v;
-                [radius * cos_u, radius * sin_u, 0.4 * sin_v]
-            })
-            .collect();
-        let strips = if rings < AROUND[0] { rings - 1 } else { rings };
-        let faces: Vec<_> = (0..strips)
-            .flat_map(|i| (0..AROUND[1]).map(move |j| (i, j)))
-            .flat_map(|(i, j)| {
-                let corner = at(i + 1, j + 1);
-                [
-                    [at(i, j), at(i + 1, j), corner],
-                    [at(i, j), corner, at(i, j + 1)],
-                ]
-            })
-            .collect();
-        Shape::new(&vertices, &faces, &Progress::default(), &|_, _| Ok(())).expect("a sound mesh")
-    }
+    use crate::testing::{RINGS, pair, torus};
 
     fn found(target: &Shape, source: &Shape, shares: Shares, image: impl Fn(u32) -> u32) -> f64 {
-        let hints = Hints::new(target, source, Vec::new(), false, &Progress::default())
-            .expect("nothing to march");
-        let pair = Pair {
-            target,
-            source,
-            shares,
-            mirror: Mirror::Forbid,
-            hints: &hints,
-            left_out: LeftOut::default(),
-            lengths: 1.0,
-            mirror_offsets: None,
-        };
+        let hints = Hints::default();
+        let pair = pair(target, source, shares, &hints);
         let images = |own: &Shape, other: &Shape| -> Vec<u32> {
             let last = other.mesh.vertices.len() as u32 - 1;
             (0..own.mesh.vertices.len() as u32)
@@ -118,7 +86,7 @@ mod tests {
     #[test]
     fn a_part_is_known_by_its_lengths() {
         // Vertices of the part are the first of the whole.
-        let (whole, part) = (torus(AROUND[0]), torus(32));
+        let (whole, part) = (torus(RINGS), torus(32));
         let truth = part.unit / whole.unit;
         assert!(truth < 0.85);
         // Spectral distances are about 2 % off.
@@ -136,7 +104,7 @@ mod tests {
 
     #[test]
     fn a_closed_surface_is_no_part_even_if_a_map_crowds_it() {
-        let whole = torus(AROUND[0]);
+        let whole = torus(RINGS);
         let crowded: Vec<u32> = (0..whole.mesh.vertices.len() as u32)
             .map(|v| v / 3)
             .collect();

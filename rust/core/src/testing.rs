@@ -1,0 +1,57 @@
+//! Shapes for the tests of several modules.
+
+use std::f64::consts::TAU;
+
+use crate::hints::Hints;
+use crate::pair::{LeftOut, Mirror, Pair, Shares};
+use crate::progress::Progress;
+use crate::shape::Shape;
+
+/// Rings of a whole torus, and vertices of a ring.
+pub const RINGS: usize = 48;
+const AROUND: usize = 20;
+
+/// The first so many rings of a torus with a thin and a thick side. Vertices have the same numbers in all.
+pub fn torus(rings: usize) -> Shape {
+    let at = |i: usize, j: usize| ((i % RINGS) * AROUND + j % AROUND) as i64;
+    let angle = |i: usize, of: usize| TAU * i as f64 / of as f64;
+    let vertices: Vec<_> = (0..RINGS * AROUND)
+        .map(|v| {
+            let (u, v) = (angle(v / AROUND, RINGS), angle(v % AROUND, AROUND));
+            let thick = 0.3 + 0.1 * u.cos() + 0.05 * (2.0 * u).sin();
+            let radius = 1.0 + thick * v.cos();
+            [radius * u.cos(), radius * u.sin(), thick * v.sin()]
+        })
+        .collect();
+    let strips = if rings < RINGS { rings - 1 } else { rings };
+    let faces: Vec<_> = (0..strips)
+        .flat_map(|i| (0..AROUND).map(move |j| (i, j)))
+        .flat_map(|(i, j)| {
+            let corner = at(i + 1, j + 1);
+            [
+                [at(i, j), at(i + 1, j), corner],
+                [at(i, j), corner, at(i, j + 1)],
+            ]
+        })
+        .collect();
+    Shape::new(&vertices, &faces, &Progress::default(), &|_, _| Ok(())).expect("a sound mesh")
+}
+
+/// A pair of which nothing is known but its shares.
+pub fn pair<'a>(
+    target: &'a Shape,
+    source: &'a Shape,
+    shares: Shares,
+    hints: &'a Hints,
+) -> Pair<'a> {
+    Pair {
+        target,
+        source,
+        shares,
+        mirror: Mirror::Forbid,
+        hints,
+        left_out: LeftOut::default(),
+        lengths: 1.0,
+        mirror_offsets: None,
+    }
+}
