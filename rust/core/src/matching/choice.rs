@@ -29,7 +29,8 @@ use crate::vector;
 const PART_FITS_BETTER: f64 = 0.8;
 /// The same where the part has no rim, as if nothing were cut off: between animals wrong ones reach 0.71.
 const CLOSED_PART_FITS_BETTER: f64 = 0.6;
-/// The same where given lengths say that it is a part and the map between wholes is doubtful.
+/// The same where given lengths say that it is a part and the map between wholes is doubtful: one that wraps a cut
+/// cat into a whole one reaches the rank of the right part.
 const KNOWN_PART_FITS_BETTER: f64 = 1.1;
 /// Close hypotheses completed at most, and hypotheses of a part, of which the first are all completed.
 const MOST_COMPLETED: usize = 3;
