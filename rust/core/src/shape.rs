@@ -110,7 +110,20 @@ impl Shape {
         report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
     ) -> Result<Self> {
         report("reading", 0.0)?;
-        let (mesh, full) = Self::working_mesh(vertices, faces, progress, report)?;
+        let mesh = Self::working_mesh(vertices, faces, progress, report)?;
+        Self::of_working_mesh(mesh, metric, progress, report)
+    }
+
+    /// Prepares a working mesh, with the given one behind it when that is another.
+    ///
+    /// # Errors
+    /// Those of [`Eigenbasis::new`], and [`crate::Error::Cancelled`].
+    pub(crate) fn of_working_mesh(
+        (mesh, full): (Mesh, Option<FullResolution>),
+        metric: Metric,
+        progress: &Progress,
+        report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+    ) -> Result<Self> {
         report("operator", 0.05)?;
         let surface = Measured::new(&mesh, metric)?;
         report("eigenpairs", 0.1)?;
@@ -365,10 +378,9 @@ impl Shape {
             });
         let geodesics = spectrum.as_ref().map_or_else(
             || {
-                let marched = self.marched();
-                let d = |i: usize, j: usize| f64::from(self.fields[(marched[i] as usize, j)]);
-                Mat::from_fn(marched.len(), marched.len(), |i, j| {
-                    f64::midpoint(d(i, j), d(j, i))
+                let distances = self.between_marched();
+                Mat::from_fn(distances.nrows(), distances.ncols(), |i, j| {
+                    f64::from(distances[(i, j)])
                 })
             },
             |s| s.geodesics.clone(),

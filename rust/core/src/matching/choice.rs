@@ -15,6 +15,7 @@ use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
 use crate::part_search;
 use crate::progress::Progress;
 use crate::quality;
+use crate::refinement::covered;
 use crate::refinement::embedded_surface::{self, Refined};
 use crate::refinement::regions;
 use crate::refinement::relative_length::growth_at_samples;
@@ -42,6 +43,11 @@ const PART_LENGTHS: Range<f64> = 0.4..0.97;
 const ASSUMED_PART_LENGTHS: [f64; 2] = [0.9, 0.75];
 /// Maps found otherwise that a search for a part begins with too.
 const OTHER_STARTS: usize = 6;
+/// Times that the map of a part is refined on what it covers of the whole.
+const COVERED_ROUNDS: usize = 2;
+/// Such a map is kept when its rank is below this times that of the map before: where too much was cut away it is above
+/// 1.25, else mostly below 1.05 and 1.12 at most.
+const COVERED_WELL: f64 = 1.2;
 /// Symmetries found on both shapes are the same when the best map that respects them has at most this times the
 /// rank of the best one that does not, each without what it contradicts: right ones stay below 1.25, also
 /// between cats and horses, where one of them was mistaken it is above 1.5.
@@ -147,16 +153,10 @@ fn or_part(
     progress: &Progress,
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
-    let whole = best[0].figures;
-    let doubtful = quality::doubtful(&whole);
-    let wanted = |lengths: f64| {
-        pair.uses(Part::Retry)
-            && best[0].shares == Shares::BOTH
-            && (doubtful || grows_to(pair, &best[0], lengths))
-    };
-    let Some((shares, lengths)) = part.filter(|&(_, lengths)| wanted(lengths)) else {
+    let Some((shares, lengths)) = part.filter(|part| may_be_part(pair, &best[0], *part)) else {
         return Ok(best);
     };
+    let whole = best[0].figures;
     report(0.0)?;
     let as_part = &Pair { shares, ..*pair };
     let searched = hypotheses(as_part, Width::NARROW, progress, &|_, f| report(0.5 * f));
@@ -164,7 +164,7 @@ fn or_part(
     starts.extend(best.iter().cloned());
     let mut found = placed(pair, (shares, lengths), &starts, progress)?;
     report(1.0)?;
-    let better = if doubtful {
+    let better = if quality::doubtful(&whole) {
         KNOWN_PART_FITS_BETTER
     } else {
         PART_FITS_BETTER
@@ -174,6 +174,13 @@ fn or_part(
         best = found;
     }
     Ok(best)
+}
+
+/// Whether a map between wholes may be that of a part of such lengths: it is doubtful, or says so of distances.
+fn may_be_part(pair: &Pair<'_>, map: &Hypothesis, (_, lengths): (Shares, f64)) -> bool {
+    pair.uses(Part::Retry)
+        && map.shares == Shares::BOTH
+        && (quality::doubtful(&map.figures) || grows_to(pair, map, lengths))
 }
 
 /// Whether a map makes distances rather so many times as long than leaving them.
@@ -258,7 +265,7 @@ pub(super) fn as_asked(
 }
 
 /// The map between surfaces that lie on one another as they were given, if they do.
-pub(super) fn as_they_lie(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> {
+fn as_they_lie(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> {
     let unguided = &Pair {
         hints: &Hints::default(),
         ..*pair
@@ -300,7 +307,7 @@ fn mirror_offsets(
 }
 
 /// Plausible maps, best first.
-pub(super) fn hypotheses(
+fn hypotheses(
     pair: &Pair<'_>,
     width: Width,
     progress: &Progress,
@@ -335,9 +342,10 @@ pub(super) fn clearest(
         let close = selection::rivals(&hypotheses).min(MOST_COMPLETED);
         best_of_close(pair, complete(&hypotheses[..close])?)
     };
-    let (best, map) = found.ok_or(Error::NoMap {
+    let (best, mut map) = found.ok_or(Error::NoMap {
         reason: "no candidate stood in the vote".into(),
     })?;
+    refine_on_covered(pair, &mut hypotheses[best], &mut map, progress, report)?;
     selection::compare_with_chosen(pair.source, best, &mut hypotheses);
     let chosen = hypotheses.remove(best);
     let mut found = map.finished(pair, &chosen, progress)?;
@@ -446,8 +454,10 @@ pub fn completed(
         lengths: 1.0,
         mirror_offsets: None,
     };
-    let mut found = completed_and_ranked(&pair, hypothesis, progress, report)?
-        .finished(&pair, hypothesis, progress)?;
+    let mut hypothesis = hypothesis.clone();
+    let mut map = completed_and_ranked(&pair, &hypothesis, progress, report)?;
+    refine_on_covered(&pair, &mut hypothesis, &mut map, progress, report)?;
+    let mut found = map.finished(&pair, &hypothesis, progress)?;
     found.hints = Arc::clone(hints);
     Ok(found)
 }
@@ -505,34 +515,92 @@ fn completed_and_ranked<'a>(
 ) -> Result<Completed<'a>> {
     let (pair, state) = refined(pair, hypothesis, report)?;
     report("dense map", 0.9)?;
-    let (asking, answering) = (&state.target, &state.source);
-    let images = &asking.images.vertex;
-    let distortion = local_distortion(pair.target, pair.source, images, pair.lengths, progress)?;
-    let figures = if hypothesis.origin == Origin::InPlace {
-        hypothesis.figures
+    ranked(&pair, hypothesis, state, progress)
+}
+
+/// Refines the map of a part once more on what it covers of the whole, where that is no worse; also a map between
+/// wholes where given lengths say that one may be a part, if it is then better.
+fn refine_on_covered<'a>(
+    pair: &Pair<'a>,
+    hypothesis: &mut Hypothesis,
+    map: &mut Completed<'a>,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<()> {
+    let of_part = hypothesis.is_of_part();
+    let part = if of_part {
+        Some((hypothesis.shares, map.state.lengths))
     } else {
-        let matrix = if hypothesis.is_of_part() {
-            state.low_map(UPSAMPLED_SIZE)
-        } else {
-            hypothesis.matrix.as_ref()
-        };
-        Figures {
-            contradiction: hypothesis.figures.contradiction,
-            mirrored_gain: hypothesis.figures.mirrored_gain,
-            ..selection::figures(
-                &pair,
-                matrix,
-                &selection::judged_images(asking),
-                &selection::judged_images(answering),
-            )
-        }
+        part_by_given_lengths(pair).filter(|part| may_be_part(pair, hypothesis, *part))
     };
+    let Some((shares, lengths)) = part else {
+        return Ok(());
+    };
+    let pair = &Pair {
+        shares,
+        lengths,
+        ..*pair
+    };
+    let mut as_part = Hypothesis {
+        shares,
+        lengths,
+        ..hypothesis.clone()
+    };
+    let well = if of_part { COVERED_WELL } else { 1.0 };
+    let bound = well * judged(pair, &as_part, &map.state).rank();
+    let within = |f: f64| report("refinement", 0.9 * f);
+    for _ in 0..COVERED_ROUNDS {
+        let found = covered::refined_on_covered(pair, &map.state, progress, &within)?;
+        let Some(state) = found else {
+            return Ok(());
+        };
+        let found = ranked(pair, &as_part, state, progress)?;
+        if found.figures.rank() > bound {
+            return Ok(());
+        }
+        as_part.judge_anew(found.figures, &found.state);
+        *hypothesis = as_part.clone();
+        *map = found;
+    }
+    Ok(())
+}
+
+/// A refined map with what decides between close ones.
+fn ranked<'a>(
+    pair: &Pair<'a>,
+    hypothesis: &Hypothesis,
+    state: Refined<'a>,
+    progress: &Progress,
+) -> Result<Completed<'a>> {
+    let images = state.target.images.vertex.clone();
     Ok(Completed {
-        figures,
-        distortion,
-        images: asking.images.vertex.clone(),
+        figures: judged(pair, hypothesis, &state),
+        distortion: local_distortion(pair.target, pair.source, &images, pair.lengths, progress)?,
+        images,
         state,
     })
+}
+
+/// Figures of the refined map of a hypothesis.
+fn judged(pair: &Pair<'_>, hypothesis: &Hypothesis, map: &Refined<'_>) -> Figures {
+    if hypothesis.origin == Origin::InPlace {
+        return hypothesis.figures;
+    }
+    let matrix = if hypothesis.is_of_part() {
+        map.low_map(UPSAMPLED_SIZE)
+    } else {
+        hypothesis.matrix.as_ref()
+    };
+    Figures {
+        contradiction: hypothesis.figures.contradiction,
+        mirrored_gain: hypothesis.figures.mirrored_gain,
+        ..selection::figures(
+            pair,
+            matrix,
+            &selection::judged_images(&map.target),
+            &selection::judged_images(&map.source),
+        )
+    }
 }
 
 /// The refined map of a hypothesis, and what it says of the pair.

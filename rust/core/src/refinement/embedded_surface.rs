@@ -24,6 +24,7 @@ use crate::nearest::nearest_unless;
 use crate::pair::{Mirror, Pair, Part};
 use crate::progress::Check;
 use crate::refinement::coinciding::{COINCIDENT, Coinciding, STRAY, coinciding};
+use crate::refinement::covered::Piece;
 use crate::refinement::propagation::{Images, LANES, SWEEPS_TO_REST};
 use crate::refinement::regions;
 use crate::refinement::relative_length::relative_length;
@@ -174,31 +175,21 @@ pub fn refined<'a>(
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Refined<'a>> {
     let start = || report(0.0);
-    let mut state = Refined::start(pair, matrix, schedule.drawn, &start)?;
-    if schedule.drawn.is_none() && !pair.knows_lengths() {
-        let (on_source, on_target) = (&state.target.images, &state.source.images);
-        state.lengths = relative_length(pair, &on_source.vertex, &on_target.vertex);
-    }
-    state.place_target_on_source();
-    let (before, detail) = if schedule.two_ways {
-        (CLIMB.len(), DETAIL)
-    } else {
-        (0, 0)
-    };
-    let steps = (before + schedule.sizes.len() + schedule.rigid_sizes.len()) as f64;
-    if schedule.two_ways {
-        state.take_two_ways(pair.uses(Part::Detour), &|step| report(step as f64 / steps))?;
-    }
-    state.climb(schedule.sizes, detail, &|step| {
-        report((before + step) as f64 / steps)
-    })?;
-    if !schedule.rigid_sizes.is_empty() && pair.uses(Part::Extrinsic) && pair.uses(Part::Rigid) {
-        state.settle_whole_surface(schedule.rigid_sizes, &|step| {
-            report((before + schedule.sizes.len() + step) as f64 / steps)
-        })?;
-        state.settle_coinciding(&|| report(1.0))?;
-    }
-    Ok(state)
+    let state = Refined::start(pair, matrix, schedule.drawn, &start)?;
+    state.refined(pair, schedule, report)
+}
+
+/// Refines the images of all vertices: those of the target's on the source, and of the source's on the target.
+///
+/// # Errors
+/// Those of [`refined`].
+pub fn refined_images<'a>(
+    pair: &Pair<'a>,
+    images: [Vec<u32>; 2],
+    schedule: Schedule,
+    report: &(dyn Fn(f64) -> Result<()> + Sync),
+) -> Result<Refined<'a>> {
+    Refined::by_images(pair, images).refined(pair, schedule, report)
 }
 
 /// The nearest points of surfaces that lie on one another as they were given, and what their places tell of
@@ -225,16 +216,8 @@ pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a
         ..*pair
     };
     let most = target.basis.values.len().min(source.basis.values.len());
-    let mut state = Refined {
-        target: Side::new(&pair, Which::Target, None),
-        source: Side::new(&pair, Which::Source, None),
-        deformed: as_matrix(&placed),
-        matrix: Mat::zeros(most, most),
-        shared: Vec::new(),
-        lengths: pair.lengths,
-    };
-    state.target.images.vertex = on_source;
-    state.source.images.vertex = on_target;
+    let mut state = Refined::by_images(&pair, [on_source, on_target]);
+    state.deformed = as_matrix(&placed);
     let at_images = state.at_images(most);
     (state.matrix, state.shared) = state.mapped(&at_images, check)?;
     let whole_source = as_matrix(&source.mesh.vertices);
@@ -422,6 +405,21 @@ impl<'a> Side<'a> {
 }
 
 impl<'a> Refined<'a> {
+    /// Where all vertices ask and have these images; nothing else is known yet.
+    pub(super) fn by_images(pair: &Pair<'a>, [on_source, on_target]: [Vec<u32>; 2]) -> Self {
+        let mut state = Self {
+            target: Side::new(pair, Which::Target, None),
+            source: Side::new(pair, Which::Source, None),
+            deformed: Mat::zeros(0, 3),
+            matrix: Mat::zeros(0, 0),
+            shared: Vec::new(),
+            lengths: pair.lengths,
+        };
+        state.target.images.vertex = on_source;
+        state.source.images.vertex = on_target;
+        state
+    }
+
     fn start(
         pair: &Pair<'a>,
         matrix: MatRef<'_, f64>,
@@ -464,6 +462,97 @@ impl<'a> Refined<'a> {
             },
         );
         on_source.and(on_target)?;
+        Ok(state)
+    }
+
+    /// Goes through a schedule from the present images; `report` is told the fraction done.
+    fn refined(
+        mut self,
+        pair: &Pair<'a>,
+        schedule: Schedule,
+        report: &(dyn Fn(f64) -> Result<()> + Sync),
+    ) -> Result<Self> {
+        if schedule.drawn.is_none() && !pair.knows_lengths() {
+            let (on_source, on_target) = (&self.target.images, &self.source.images);
+            self.lengths = relative_length(pair, &on_source.vertex, &on_target.vertex);
+        }
+        self.place_target_on_source();
+        let (before, detail) = if schedule.two_ways {
+            (CLIMB.len(), DETAIL)
+        } else {
+            (0, 0)
+        };
+        let steps = (before + schedule.sizes.len() + schedule.rigid_sizes.len()) as f64;
+        if schedule.two_ways {
+            self.take_two_ways(pair.uses(Part::Detour), &|step| report(step as f64 / steps))?;
+        }
+        self.climb(schedule.sizes, detail, &|step| {
+            report((before + step) as f64 / steps)
+        })?;
+        if !schedule.rigid_sizes.is_empty() && pair.uses(Part::Extrinsic) && pair.uses(Part::Rigid)
+        {
+            self.settle_whole_surface(schedule.rigid_sizes, &|step| {
+                report((before + schedule.sizes.len() + step) as f64 / steps)
+            })?;
+            self.settle_coinciding(&|| report(1.0))?;
+        }
+        Ok(self)
+    }
+
+    /// What was refined with a piece in place of the whole, as a map of the whole: what lies off the piece goes
+    /// with the nearest vertex of it, as far away as it is.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
+    pub(super) fn spread_from_piece(
+        &self,
+        (pair, whole_is): (&Pair<'a>, Which),
+        (piece, refined): (&Piece, &Refined<'_>),
+        check: Check<'_>,
+    ) -> Result<Self> {
+        check()?;
+        let mut state = self.clone();
+        state.lengths = pair.lengths;
+        let (whole, part, of_piece, of_part) = match whole_is {
+            Which::Source => {
+                let (whole, part) = (&mut state.source, &mut state.target);
+                (whole, part, &refined.source, &refined.target)
+            }
+            Which::Target => {
+                let (whole, part) = (&mut state.target, &mut state.source);
+                (whole, part, &refined.target, &refined.source)
+            }
+        };
+        let (mesh, nearest) = (&piece.shape.mesh, &piece.nearest);
+        let places = whole.shape.mesh.vertices.iter().zip(nearest);
+        let off: Vec<Point> = places
+            .map(|(&p, &v)| {
+                let inside = vector::scaled(vector::sub(p, mesh.centre), 1.0 / mesh.scale);
+                vector::sub(inside, mesh.vertices[v as usize])
+            })
+            .collect();
+        let images = of_part.images.vertex.iter();
+        part.images.vertex = images.map(|&v| piece.vertices[v as usize]).collect();
+        part.rows.clone_from(&of_part.rows);
+        let images = &of_piece.images.vertex;
+        whole.images.vertex = nearest.iter().map(|&v| images[v as usize]).collect();
+        whole.rows = of_piece.rows.gather(nearest);
+        for (v, off) in off.iter().enumerate() {
+            for (x, off) in whole.rows.row_mut(v).iter_mut().zip(off) {
+                *x += (WHOLE.positions * off) as f32;
+            }
+        }
+        state.deformed = match whole_is {
+            Which::Source => Mat::from_fn(part.asking.len(), 3, |i, c| {
+                mesh.scale * refined.deformed[(i, c)] + mesh.centre[c]
+            }),
+            Which::Target => Mat::from_fn(nearest.len(), 3, |i, c| {
+                refined.deformed[(nearest[i] as usize, c)] + refined.lengths * off[i][c]
+            }),
+        };
+        let most = self.target.most().min(self.source.most());
+        let at_images = state.at_images(most);
+        (state.matrix, state.shared) = state.mapped(&at_images, check)?;
         Ok(state)
     }
 
@@ -856,17 +945,8 @@ mod tests {
         let hints = Hints::default();
         let pair = testing::pair(&shape, &shape, Shares::BOTH, &hints);
         let shared_by = |image: &dyn Fn(u32) -> u32| {
-            let mut state = Refined {
-                target: Side::new(&pair, Which::Target, None),
-                source: Side::new(&pair, Which::Source, None),
-                deformed: Mat::zeros(0, 3),
-                matrix: Mat::zeros(0, 0),
-                shared: Vec::new(),
-                lengths: 1.0,
-            };
-            for side in [&mut state.target, &mut state.source] {
-                side.images.vertex = side.asking.iter().map(|&v| image(v)).collect();
-            }
+            let images: Vec<u32> = (0..shape.mass.len() as u32).map(image).collect();
+            let mut state = Refined::by_images(&pair, [images.clone(), images]);
             let at_images = state.at_images(30);
             state.mapped(&at_images, &|| Ok(())).expect("regular").1
         };

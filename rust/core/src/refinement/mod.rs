@@ -1,6 +1,7 @@
 //! From a coarse functional map to a dense one.
 
 pub mod coinciding;
+pub mod covered;
 pub mod embedded_surface;
 pub mod propagation;
 pub mod regions;
