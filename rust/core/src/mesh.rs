@@ -214,6 +214,18 @@ impl Mesh {
                 .all(|&face| relative_area(&self.vertices, face) > NEEDLE_RELATIVE_AREA)
     }
 
+    /// A point of this mesh in given coordinates.
+    #[must_use]
+    pub fn as_given(&self, p: Point) -> Point {
+        vector::add(vector::scaled(p, self.scale), self.centre)
+    }
+
+    /// A point in given coordinates in those of this mesh.
+    #[must_use]
+    pub fn as_own(&self, p: Point) -> Point {
+        vector::scaled(vector::sub(p, self.centre), 1.0 / self.scale)
+    }
+
     /// Whether a face has so little area that its angles are noise.
     #[must_use]
     pub fn is_flat(&self, face: usize) -> bool {

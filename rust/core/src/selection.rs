@@ -133,17 +133,6 @@ impl Figures {
     }
 }
 
-/// How a hypothesis was found.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Origin {
-    /// By the search over sign patterns.
-    Searched,
-    /// By placing samples of a part on the whole.
-    Placed,
-    /// From where both shapes lie as given.
-    InPlace,
-}
-
 /// A map that may be the right one, before its final refinement.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
@@ -153,8 +142,8 @@ pub struct Hypothesis {
     pub figures: Figures,
     /// Which shape it takes as a part of the other.
     pub shares: Shares,
-    /// How it was found.
-    pub origin: Origin,
+    /// Whether it takes the shapes to lie on one another as they were given.
+    pub in_place: bool,
     /// How many units of length of the source one of the target is, where that is known, else 1.
     pub lengths: f64,
     /// Source vertices of the target's judging samples.
@@ -165,7 +154,7 @@ impl Hypothesis {
     /// Whether a part is sought on a whole, by more than where they lie as given.
     #[must_use]
     pub fn is_of_part(&self) -> bool {
-        self.shares != Shares::BOTH && self.origin != Origin::InPlace
+        self.shares != Shares::BOTH && !self.in_place
     }
 
     /// Replaces its figures and images by those of its completed map.
@@ -445,7 +434,7 @@ fn judged(
         matrix: scored.matrix.clone(),
         figures,
         shares: pair.shares,
-        origin: Origin::Searched,
+        in_place: false,
         lengths: pair.lengths,
         images: on_source,
     })
@@ -487,7 +476,7 @@ pub fn of_part(
                 matrix,
                 figures,
                 shares: pair.shares,
-                origin: Origin::Placed,
+                in_place: false,
                 lengths: pair.lengths,
                 images: on_source,
             })
@@ -524,7 +513,7 @@ pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Hypothesis 
         matrix,
         figures,
         shares: pair.shares,
-        origin: Origin::InPlace,
+        in_place: true,
         lengths: pair.lengths,
         images: on_source,
     }

@@ -1,5 +1,7 @@
 //! Nearest points in space.
 
+use rayon::prelude::*;
+
 use crate::vector::{self, Point};
 
 /// Points of a leaf.
@@ -27,6 +29,15 @@ impl<'a> SpaceTree<'a> {
         let mut best = None;
         self.visit(&self.order, query, &mut best);
         best.map(|(_, id)| id)
+    }
+
+    /// Nearest point to each of some others; 0 when there are none to be near to.
+    #[must_use]
+    pub fn nearest_to_each(&self, queries: &[Point]) -> Vec<u32> {
+        queries
+            .par_iter()
+            .map(|&p| self.nearest(p).unwrap_or_default())
+            .collect()
     }
 
     fn visit(&self, part: &[u32], query: Point, best: &mut Option<(f64, u32)>) {

@@ -20,7 +20,7 @@ use crate::refinement::embedded_surface::{self, Refined};
 use crate::refinement::regions;
 use crate::refinement::relative_length::growth_at_samples;
 use crate::refinement::upsampling::UPSAMPLED_SIZE;
-use crate::selection::{self, Figures, Hypothesis, Origin};
+use crate::selection::{self, Figures, Hypothesis};
 use crate::shape::Shape;
 use crate::symmetry;
 use crate::vector;
@@ -546,8 +546,11 @@ fn refine_on_covered<'a>(
         lengths,
         ..hypothesis.clone()
     };
-    let well = if of_part { COVERED_WELL } else { 1.0 };
-    let bound = well * judged(pair, &as_part, &map.state).rank();
+    let bound = if of_part {
+        COVERED_WELL * map.figures.rank()
+    } else {
+        judged(pair, &as_part, &map.state).rank()
+    };
     let within = |f: f64| report("refinement", 0.9 * f);
     for _ in 0..COVERED_ROUNDS {
         let found = covered::refined_on_covered(pair, &map.state, progress, &within)?;
@@ -583,7 +586,7 @@ fn ranked<'a>(
 
 /// Figures of the refined map of a hypothesis.
 fn judged(pair: &Pair<'_>, hypothesis: &Hypothesis, map: &Refined<'_>) -> Figures {
-    if hypothesis.origin == Origin::InPlace {
+    if hypothesis.in_place {
         return hypothesis.figures;
     }
     let matrix = if hypothesis.is_of_part() {
@@ -609,7 +612,7 @@ fn refined<'a>(
     hypothesis: &Hypothesis,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<(Pair<'a>, Refined<'a>)> {
-    if hypothesis.origin == Origin::InPlace
+    if hypothesis.in_place
         && let Some(found) = embedded_surface::in_place(pair, &|| report("refinement", 0.0))?
     {
         return Ok(found);

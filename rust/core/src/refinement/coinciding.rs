@@ -37,10 +37,7 @@ pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Op
     let placed: Vec<Point> = own
         .vertices
         .iter()
-        .map(|&p| {
-            let given = vector::add(vector::scaled(p, own.scale), own.centre);
-            vector::scaled(vector::sub(given, other.centre), 1.0 / other.scale)
-        })
+        .map(|&p| other.as_own(own.as_given(p)))
         .collect();
     let unit = (own.scale / other.scale).min(1.0);
     let (on_target, on_source) = (SpaceTree::new(&placed), SpaceTree::new(&other.vertices));
@@ -66,12 +63,10 @@ pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Op
         (false, false) => return Ok(None),
     };
     check()?;
-    let nearest = |from: &[Point], tree: &SpaceTree<'_>| -> Vec<u32> {
-        from.par_iter()
-            .map(|&p| tree.nearest(p).unwrap_or_default())
-            .collect()
-    };
-    let images = [nearest(&placed, &on_source), nearest(all, &on_target)];
+    let images = [
+        on_source.nearest_to_each(&placed),
+        on_target.nearest_to_each(all),
+    ];
     drop((on_target, on_source));
     Ok(Some(Coinciding {
         placed,

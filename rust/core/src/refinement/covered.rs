@@ -141,13 +141,7 @@ impl Piece {
             .iter()
             .map(|&v| whole.mesh.vertices[v as usize])
             .collect();
-        let tree = SpaceTree::new(&places);
-        let nearest = whole
-            .mesh
-            .vertices
-            .iter()
-            .map(|&p| tree.nearest(p).unwrap_or_default())
-            .collect();
+        let nearest = SpaceTree::new(&places).nearest_to_each(&whole.mesh.vertices);
         Ok(Self {
             shape,
             vertices,
@@ -204,16 +198,10 @@ mod tests {
     /// The part, the whole, and where vertices of each truly lie on the other.
     fn part_and_whole() -> (Shape, Shape, [Vec<u32>; 2]) {
         let (part, whole) = (torus(KEPT), torus(RINGS));
-        let given = |shape: &Shape| -> Vec<Point> {
-            let Mesh { scale, centre, .. } = shape.mesh;
-            let place = |&p: &Point| vector::add(vector::scaled(p, scale), centre);
-            shape.mesh.vertices.iter().map(place).collect()
+        let given = |Shape { mesh, .. }: &Shape| -> Vec<Point> {
+            mesh.vertices.iter().map(|&p| mesh.as_given(p)).collect()
         };
-        let nearest = |from: &[Point], to: &[Point]| {
-            let tree = SpaceTree::new(to);
-            let image = |&p: &Point| tree.nearest(p).expect("there are points");
-            from.iter().map(image).collect()
-        };
+        let nearest = |from: &[Point], to: &[Point]| SpaceTree::new(to).nearest_to_each(from);
         let (on_part, on_whole) = (given(&part), given(&whole));
         let images = [nearest(&on_part, &on_whole), nearest(&on_whole, &on_part)];
         (part, whole, images)
@@ -245,10 +233,7 @@ mod tests {
         let (part, whole, [mut images, _]) = part_and_whole();
         // All of a belt is mapped onto one of its sides.
         let angle = |v: u32| {
-            let p = vector::add(
-                vector::scaled(whole.mesh.vertices[v as usize], whole.mesh.scale),
-                whole.mesh.centre,
-            );
+            let p = whole.mesh.as_given(whole.mesh.vertices[v as usize]);
             p[1].atan2(p[0])
         };
         let belt = 1.5..1.8;

@@ -526,10 +526,7 @@ impl<'a> Refined<'a> {
         let (mesh, nearest) = (&piece.shape.mesh, &piece.nearest);
         let places = whole.shape.mesh.vertices.iter().zip(nearest);
         let off: Vec<Point> = places
-            .map(|(&p, &v)| {
-                let inside = vector::scaled(vector::sub(p, mesh.centre), 1.0 / mesh.scale);
-                vector::sub(inside, mesh.vertices[v as usize])
-            })
+            .map(|(&p, &v)| vector::sub(mesh.as_own(p), mesh.vertices[v as usize]))
             .collect();
         let images = of_part.images.vertex.iter();
         part.images.vertex = images.map(|&v| piece.vertices[v as usize]).collect();
