@@ -25,6 +25,17 @@ pub enum Which {
     Source,
 }
 
+impl Which {
+    /// The other one.
+    #[must_use]
+    pub fn other(self) -> Self {
+        match self {
+            Self::Target => Self::Source,
+            Self::Source => Self::Target,
+        }
+    }
+}
+
 /// Known pairs of points, with distances from them over both surfaces.
 #[derive(Debug)]
 pub struct Hints {

@@ -1,7 +1,7 @@
 //! What is asked: two shapes, which of their points ask, and what is known of the answer.
 
 use crate::error::{Error, Result};
-use crate::hints::Hints;
+use crate::hints::{Hints, Which};
 use crate::shape::Shape;
 
 /// Whether mirrored maps may be chosen.
@@ -43,6 +43,16 @@ impl Shares {
         target: 0.0,
         source: 2.0,
     };
+
+    /// Which shape is a part of the other, if one is.
+    #[must_use]
+    pub fn part(self) -> Option<Which> {
+        match self {
+            Self::TARGET_IS_PART => Some(Which::Target),
+            Self::SOURCE_IS_PART => Some(Which::Source),
+            _ => None,
+        }
+    }
 
     /// Mean of what the target's and the source's points give.
     #[must_use]

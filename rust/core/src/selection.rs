@@ -160,7 +160,7 @@ impl Hypothesis {
     /// Replaces its figures and images by those of its completed map.
     pub fn judge_anew(&mut self, figures: Figures, completed: &Refined<'_>) {
         self.figures = figures;
-        self.images = judged_images(&completed.target);
+        self.images = judged_images(completed.target());
     }
 }
 
@@ -427,7 +427,7 @@ fn judged(
         embedded_surface::SHORT,
         &|_| check(),
     )?;
-    let (on_source, on_target) = (drawn_images(&state.target), drawn_images(&state.source));
+    let (on_source, on_target) = (drawn_images(state.target()), drawn_images(state.source()));
     let mut figures = figures(pair, scored.matrix.as_ref(), &on_source, &on_target);
     figures.contradiction = scored.contradiction + off_symmetry(pair, &on_source);
     Ok(Hypothesis {
@@ -465,10 +465,11 @@ pub fn of_part(
             let schedule = embedded_surface::OF_PART;
             let state =
                 embedded_surface::refined(&unguided, first.as_ref(), schedule, &|_| check())?;
-            let (on_source, on_target) = (drawn_images(&state.target), drawn_images(&state.source));
-            let matrix = state.low_map(UPSAMPLED_SIZE).to_owned();
+            let (on_source, on_target) =
+                (drawn_images(state.target()), drawn_images(state.source()));
+            let matrix = state.low_map(UPSAMPLED_SIZE)?;
             let mut figures = figures(pair, matrix.as_ref(), &on_source, &on_target);
-            let of_landmarks = landmark_images(pair, &state.target.rows, &state.source.rows);
+            let of_landmarks = landmark_images(pair, &state.target().rows, &state.source().rows);
             figures.contradiction = missed_landmarks(pair, &of_landmarks)
                 + off_axes(pair, &on_source)
                 + off_symmetry(pair, &on_source);
@@ -491,11 +492,12 @@ pub fn of_part(
 }
 
 /// The map between surfaces that lie on one another as they were given, found without what is known of it.
-#[must_use]
-pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Hypothesis {
-    let (asking, answering) = (&found.target, &found.source);
-    let k = UPSAMPLED_SIZE.min(found.matrix.nrows());
-    let matrix = found.matrix.get(..k, ..k).to_owned();
+///
+/// # Errors
+/// [`crate::Error::NotFactorised`].
+pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Result<Hypothesis> {
+    let (asking, answering) = (found.target(), found.source());
+    let matrix = found.low_map(UPSAMPLED_SIZE)?;
     let (on_source, on_target) = (judged_images(asking), judged_images(answering));
     let mut figures = figures(pair, matrix.as_ref(), &on_source, &on_target);
     // Spectra of a part and of the whole say little of which side is up; here normals do.
@@ -509,14 +511,14 @@ pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Hypothesis 
     let image = |&(_, t): &(u32, u32)| asking.images.vertex[t as usize];
     let of_landmarks: Vec<u32> = pair.hints.landmarks.iter().map(image).collect();
     figures.contradiction = missed_landmarks(pair, &of_landmarks) + off_axes(pair, &on_source);
-    Hypothesis {
+    Ok(Hypothesis {
         matrix,
         figures,
         shares: pair.shares,
         in_place: true,
         lengths: pair.lengths,
         images: on_source,
-    }
+    })
 }
 
 /// Mean cosine between the normals at one shape's judging samples and at their images.

@@ -271,14 +271,14 @@ fn as_they_lie(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> 
         ..*pair
     };
     let found = embedded_surface::in_place(unguided, &|| progress.check())?;
-    let hypothesis = found.map(|(placed, map)| {
-        let hinted = &Pair {
-            hints: pair.hints,
-            ..placed
-        };
-        selection::of_surfaces_in_place(hinted, &map)
-    });
-    Ok(hypothesis.into_iter().collect())
+    let Some((placed, map)) = found else {
+        return Ok(Vec::new());
+    };
+    let hinted = &Pair {
+        hints: pair.hints,
+        ..placed
+    };
+    Ok(vec![selection::of_surfaces_in_place(hinted, &map)?])
 }
 
 /// No hypotheses where the search found no map.
@@ -427,7 +427,7 @@ fn fits_better_where_it_differs(
         } else {
             1.0
         };
-        distances * regions::misfit(target, source, c.state.lengths, &c.images, &part)
+        distances * regions::misfit(target, source, c.state.lengths(), &c.images, &part)
     };
     misfit(map) < misfit(other)
 }
@@ -481,14 +481,9 @@ impl Completed<'_> {
         hypothesis: &Hypothesis,
         progress: &Progress,
     ) -> Result<Correspondence> {
-        let (asking, answering) = (&self.state.target, &self.state.source);
-        let gap = |v: usize| {
-            let image = pair.source.mesh.vertices[asking.images.vertex[v] as usize];
-            vector::distance([0, 1, 2].map(|c| self.state.deformed[(v, c)]), image)
-        };
-        let misfit: Vec<(f64, f64)> = (0..self.distortion.len())
-            .map(|v| (self.distortion[v], gap(v)))
-            .collect();
+        let (asking, answering) = (self.state.target(), self.state.source());
+        let gaps = self.state.gaps();
+        let misfit: Vec<(f64, f64)> = self.distortion.iter().copied().zip(gaps).collect();
         let mut found = dense_map(
             pair.source,
             pair.target,
@@ -529,7 +524,7 @@ fn refine_on_covered<'a>(
 ) -> Result<()> {
     let of_part = hypothesis.is_of_part();
     let part = if of_part {
-        Some((hypothesis.shares, map.state.lengths))
+        Some((hypothesis.shares, map.state.lengths()))
     } else {
         part_by_given_lengths(pair).filter(|part| may_be_part(pair, hypothesis, *part))
     };
@@ -549,7 +544,7 @@ fn refine_on_covered<'a>(
     let bound = if of_part {
         COVERED_WELL * map.figures.rank()
     } else {
-        judged(pair, &as_part, &map.state).rank()
+        judged(pair, &as_part, &map.state)?.rank()
     };
     let within = |f: f64| report("refinement", 0.9 * f);
     for _ in 0..COVERED_ROUNDS {
@@ -575,9 +570,9 @@ fn ranked<'a>(
     state: Refined<'a>,
     progress: &Progress,
 ) -> Result<Completed<'a>> {
-    let images = state.target.images.vertex.clone();
+    let images = state.target().images.vertex.clone();
     Ok(Completed {
-        figures: judged(pair, hypothesis, &state),
+        figures: judged(pair, hypothesis, &state)?,
         distortion: local_distortion(pair.target, pair.source, &images, pair.lengths, progress)?,
         images,
         state,
@@ -585,25 +580,24 @@ fn ranked<'a>(
 }
 
 /// Figures of the refined map of a hypothesis.
-fn judged(pair: &Pair<'_>, hypothesis: &Hypothesis, map: &Refined<'_>) -> Figures {
+fn judged(pair: &Pair<'_>, hypothesis: &Hypothesis, map: &Refined<'_>) -> Result<Figures> {
     if hypothesis.in_place {
-        return hypothesis.figures;
+        return Ok(hypothesis.figures);
     }
-    let matrix = if hypothesis.is_of_part() {
-        map.low_map(UPSAMPLED_SIZE)
-    } else {
-        hypothesis.matrix.as_ref()
-    };
-    Figures {
+    let of_part = hypothesis
+        .is_of_part()
+        .then(|| map.low_map(UPSAMPLED_SIZE))
+        .transpose()?;
+    Ok(Figures {
         contradiction: hypothesis.figures.contradiction,
         mirrored_gain: hypothesis.figures.mirrored_gain,
         ..selection::figures(
             pair,
-            matrix,
-            &selection::judged_images(&map.target),
-            &selection::judged_images(&map.source),
+            of_part.as_ref().unwrap_or(&hypothesis.matrix).as_ref(),
+            &selection::judged_images(map.target()),
+            &selection::judged_images(map.source()),
         )
-    }
+    })
 }
 
 /// The refined map of a hypothesis, and what it says of the pair.
@@ -629,7 +623,7 @@ fn refined<'a>(
         &|f| report("refinement", 0.9 * f),
     )?;
     let pair = Pair {
-        lengths: state.lengths,
+        lengths: state.lengths(),
         ..pair
     };
     Ok((pair, state))

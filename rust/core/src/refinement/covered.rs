@@ -12,7 +12,7 @@ use crate::hints::{Hints, Which};
 use crate::mesh::Mesh;
 use crate::pair::{Pair, Shares};
 use crate::progress::Progress;
-use crate::refinement::embedded_surface::{self, FULL, Refined};
+use crate::refinement::embedded_surface::{self, FULL, Refined, seen_from};
 use crate::shape::Shape;
 use crate::space_tree::SpaceTree;
 use crate::vector::Point;
@@ -40,7 +40,7 @@ pub struct Piece {
 }
 
 /// Refines a map between a part and a whole once more, in full, on what the part covers; `None` where that is all
-/// of the whole, or hangs together nowhere.
+/// of the whole, or hangs together nowhere, and where neither is a part.
 ///
 /// # Errors
 /// [`Error::Cancelled`], and those of the preparation of what is covered.
@@ -51,12 +51,11 @@ pub fn refined_on_covered<'a>(
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Option<Refined<'a>>> {
     report(0.0)?;
-    let (whole_is, part, whole, lengths) = if pair.shares == Shares::TARGET_IS_PART {
-        (Which::Source, &found.target, &found.source, pair.lengths)
-    } else {
-        let lengths = 1.0 / pair.lengths;
-        (Which::Target, &found.source, &found.target, lengths)
+    let Some(part_is) = pair.shares.part() else {
+        return Ok(None);
     };
+    let (part, whole) = (found.side(part_is), found.side(part_is.other()));
+    let lengths = seen_from(part_is, pair.lengths);
     let Some(piece) = Piece::around(whole.shape(), &part.images.vertex, lengths, progress)? else {
         return Ok(None);
     };
@@ -64,11 +63,11 @@ pub fn refined_on_covered<'a>(
         |from: &[u32], ids: &[u32]| -> Vec<u32> { ids.iter().map(|&v| from[v as usize]).collect() };
     let on_part = taken(&whole.images.vertex, &piece.vertices);
     let on_piece = taken(&piece.nearest, &part.images.vertex);
-    let (target, source, images) = match whole_is {
-        Which::Source => (pair.target, &piece.shape, [on_piece, on_part]),
-        Which::Target => (&piece.shape, pair.source, [on_part, on_piece]),
+    let (target, source, images) = match part_is {
+        Which::Target => (pair.target, &piece.shape, [on_piece, on_part]),
+        Which::Source => (&piece.shape, pair.source, [on_part, on_piece]),
     };
-    let hints = piece.hints(pair.hints, whole_is, (target, source), progress)?;
+    let hints = piece.hints(pair.hints, part_is, (target, source), progress)?;
     let of_piece = Pair {
         target,
         source,
@@ -78,10 +77,8 @@ pub fn refined_on_covered<'a>(
         mirror_offsets: None,
         ..*pair
     };
-    let refined = embedded_surface::refined_images(&of_piece, images, FULL, report)?;
-    found
-        .spread_from_piece((pair, whole_is), (&piece, &refined), &|| progress.check())
-        .map(Some)
+    let refined = embedded_surface::refined_images(&of_piece, part_is, images, FULL, report)?;
+    Refined::spread_from_piece(pair, &piece, &refined, &|| progress.check()).map(Some)
 }
 
 impl Piece {
@@ -153,14 +150,14 @@ impl Piece {
     fn hints(
         &self,
         known: &Hints,
-        whole_is: Which,
+        part_is: Which,
         (target, source): (&Shape, &Shape),
         progress: &Progress,
     ) -> Result<Hints> {
         let numbered = |v: u32| self.vertices.binary_search(&v).ok().map(|i| i as u32);
-        let landmarks = known.landmarks.iter().filter_map(|&(s, t)| match whole_is {
-            Which::Source => Some((numbered(s)?, t)),
-            Which::Target => Some((s, numbered(t)?)),
+        let landmarks = known.landmarks.iter().filter_map(|&(s, t)| match part_is {
+            Which::Target => Some((numbered(s)?, t)),
+            Which::Source => Some((s, numbered(t)?)),
         });
         Hints::new(
             target,
@@ -279,14 +276,14 @@ mod tests {
             } else {
                 [on_part.clone(), on_whole.clone()]
             };
-            let start = Refined::by_images(&pair, truth);
+            let start = Refined::by_images(&pair, Which::Target, truth);
             let found = refined_on_covered(&pair, &start, &Progress::default(), &|_| Ok(()))
                 .expect("goes on")
                 .expect("a third is cut away");
             let (of_part, of_whole) = if part_asks {
-                (&found.target, &found.source)
+                (found.target(), found.source())
             } else {
-                (&found.source, &found.target)
+                (found.source(), found.target())
             };
             let off = |shape: &Shape, a: u32, b: u32| {
                 let [p, q] = [a, b].map(|v| shape.mesh.vertices[v as usize]);

@@ -1,11 +1,11 @@
 //! Final refinement: spectrum, low-passed surface and its normals together.
 //!
-//! The target's surface, low-passed to k eigenfunctions, is deformed onto the source's by a smooth
-//! displacement; positions and normals then disambiguate what the spectrum alone leaves open. k
+//! One surface, low-passed to k eigenfunctions, is deformed onto the other by a smooth displacement: a part onto
+//! the whole, of which most is nowhere on the part, else the target onto the source. Positions and normals then disambiguate what the spectrum alone leaves open. k
 //! grows until fingers and ears are there, twice: what slid along a limb comes back a little each time. At
 //! first a second way starts from fewer eigenfunctions, which turns back twisted limbs and twists others,
-//! and each region is taken from the way that is better there. At last the whole target is drawn onto
-//! the source, as rigidly as possible, and refines the map once more in the same way.
+//! and each region is taken from the way that is better there. At last the surface itself is drawn onto
+//! the other, as rigidly as possible, and refines the map once more in the same way.
 //!
 //! # Source
 //! Eisenberger, Lähner, Cremers, "Smooth Shells", 2020, for the product embedding; fits, schedule
@@ -148,18 +148,20 @@ pub struct Side<'a> {
 /// Where a refinement stands.
 #[derive(Debug, Clone)]
 pub struct Refined<'a> {
-    /// The shape that is deformed.
-    pub target: Side<'a>,
+    /// The shape that is deformed: the part, else the target.
+    moving: Side<'a>,
     /// The shape that stays.
-    pub source: Side<'a>,
-    /// Target as it lies on the source in the last step, `(n, 3)`.
-    pub deformed: Mat<f64>,
-    /// `(kₛ, kₜ)` map of the last step, target coefficients → source coefficients.
-    pub matrix: Mat<f64>,
-    /// R² of each of the target's eigenfunctions, `(k)`: how much of it the map finds on the source.
+    still: Side<'a>,
+    /// Which of the pair is deformed.
+    moving_is: Which,
+    /// The moving shape as it lies on the other in the last step, `(n, 3)`.
+    deformed: Mat<f64>,
+    /// Map of the last step, coefficients of the moving shape → those of the other.
+    matrix: Mat<f64>,
+    /// R² of each of the moving shape's eigenfunctions, `(k)`: how much of it the map finds on the other.
     shared: Vec<f64>,
-    /// Units of length of the source that one of the target is.
-    pub lengths: f64,
+    /// Units of length of the other shape that one of the moving shape is.
+    lengths: f64,
 }
 
 /// Refines a `(kₛ, kₜ)` map of low eigenfunctions, target coefficients → source coefficients.
@@ -179,17 +181,19 @@ pub fn refined<'a>(
     state.refined(pair, schedule, report)
 }
 
-/// Refines the images of all vertices: those of the target's on the source, and of the source's on the target.
+/// Refines the images of all vertices: those of the target's on the source, and of the source's on the target, by
+/// deforming either.
 ///
 /// # Errors
 /// Those of [`refined`].
 pub fn refined_images<'a>(
     pair: &Pair<'a>,
+    moving: Which,
     images: [Vec<u32>; 2],
     schedule: Schedule,
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Refined<'a>> {
-    Refined::by_images(pair, images).refined(pair, schedule, report)
+    Refined::by_images(pair, moving, images).refined(pair, schedule, report)
 }
 
 /// The nearest points of surfaces that lie on one another as they were given, and what their places tell of
@@ -216,7 +220,7 @@ pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a
         ..*pair
     };
     let most = target.basis.values.len().min(source.basis.values.len());
-    let mut state = Refined::by_images(&pair, [on_source, on_target]);
+    let mut state = Refined::by_images(&pair, Which::Target, [on_source, on_target]);
     state.deformed = as_matrix(&placed);
     let at_images = state.at_images(most);
     (state.matrix, state.shared) = state.mapped(&at_images, check)?;
@@ -325,9 +329,14 @@ impl<'a> Side<'a> {
     /// Prepares the fits with k eigenfunctions.
     fn weigh(&mut self, k: usize) {
         if self.own.dims != k {
-            let functions = &self.shape.rows;
-            self.own = functions.gather_weighted(&self.asking, &self.weights, k);
+            self.own = self.own_rows(k);
         }
+    }
+
+    /// √w times k eigenfunctions at the asking vertices.
+    fn own_rows(&self, k: usize) -> Rows {
+        let functions = &self.shape.rows;
+        functions.gather_weighted(&self.asking, &self.weights, k)
     }
 
     /// √w times k eigenfunctions of the other shape at the images.
@@ -336,13 +345,13 @@ impl<'a> Side<'a> {
         functions.gather_weighted(&self.images.vertex, &self.weights, k)
     }
 
-    /// Gram matrix of this shape's own eigenfunctions at the asking vertices.
-    fn own_gram(&self) -> Mat<f64> {
+    /// Gram matrix of some [own rows](Self::own_rows).
+    fn gram_of(&self, own: &Rows) -> Mat<f64> {
         if self.asking.len() < self.shape.mesh.vertices.len() {
-            return dense::gram(&self.own);
+            return dense::gram(own);
         }
         // All ask, weighted by their areas: orthonormal.
-        let (k, share) = (self.own.dims, self.weights.iter().sum::<f64>());
+        let (k, share) = (own.dims, self.weights.iter().sum::<f64>());
         Mat::from_fn(k, k, |i, j| if i == j { share } else { 0.0 })
     }
 
@@ -405,18 +414,29 @@ impl<'a> Side<'a> {
 }
 
 impl<'a> Refined<'a> {
-    /// Where all vertices ask and have these images; nothing else is known yet.
-    pub(super) fn by_images(pair: &Pair<'a>, [on_source, on_target]: [Vec<u32>; 2]) -> Self {
-        let mut state = Self {
-            target: Side::new(pair, Which::Target, None),
-            source: Side::new(pair, Which::Source, None),
+    /// Where no image is known yet.
+    fn unknown(pair: &Pair<'a>, moving_is: Which, drawn: Option<usize>) -> Self {
+        Self {
+            moving: Side::new(pair, moving_is, drawn),
+            still: Side::new(pair, moving_is.other(), drawn),
+            moving_is,
             deformed: Mat::zeros(0, 3),
             matrix: Mat::zeros(0, 0),
             shared: Vec::new(),
-            lengths: pair.lengths,
-        };
-        state.target.images.vertex = on_source;
-        state.source.images.vertex = on_target;
+            lengths: seen_from(moving_is, pair.lengths),
+        }
+    }
+
+    /// Where all vertices ask and have these images; nothing else is known yet.
+    pub(super) fn by_images(
+        pair: &Pair<'a>,
+        moving_is: Which,
+        [on_source, on_target]: [Vec<u32>; 2],
+    ) -> Self {
+        let mut state = Self::unknown(pair, moving_is, None);
+        let [target, source] = state.sides_mut();
+        target.images.vertex = on_source;
+        source.images.vertex = on_target;
         state
     }
 
@@ -427,42 +447,71 @@ impl<'a> Refined<'a> {
         check: Check<'_>,
     ) -> Result<Self> {
         check()?;
-        let (target, source) = (pair.target, pair.source);
-        let mut state = Self {
-            target: Side::new(pair, Which::Target, drawn),
-            source: Side::new(pair, Which::Source, drawn),
-            deformed: Mat::zeros(0, 3),
-            matrix: matrix.to_owned(),
-            shared: Vec::new(),
-            lengths: pair.lengths,
-        };
-        let turned = dense::product(state.source.basis(matrix.nrows()), matrix);
-        state.source.rows = Rows::from_matrix(turned.as_ref(), matrix.ncols());
-        state.target.rows = Rows::from_matrix(target.basis.functions.as_ref(), matrix.ncols());
+        let moving_is = pair.shares.part().unwrap_or(Which::Target);
+        let mut state = Self::unknown(pair, moving_is, drawn);
+        let [target, source] = state.sides_mut();
+        let turned = dense::product(source.basis(matrix.nrows()), matrix);
+        source.rows = Rows::from_matrix(turned.as_ref(), matrix.ncols());
+        target.rows = Rows::from_matrix(pair.target.basis.functions.as_ref(), matrix.ncols());
         let (on_source, on_target) = rayon::join(
             || {
                 first_images(
-                    &mut state.target.images,
-                    &state.target.asking,
-                    target,
-                    (&state.target.rows, &state.target.neighbours),
-                    (&state.source.rows, &source.neighbours),
+                    &mut target.images,
+                    &target.asking,
+                    pair.target,
+                    (&target.rows, &target.neighbours),
+                    (&source.rows, &pair.source.neighbours),
                     check,
                 )
             },
             || {
                 first_images(
-                    &mut state.source.images,
-                    &state.source.asking,
-                    source,
-                    (&state.source.rows, &state.source.neighbours),
-                    (&state.target.rows, &target.neighbours),
+                    &mut source.images,
+                    &source.asking,
+                    pair.source,
+                    (&source.rows, &source.neighbours),
+                    (&target.rows, &pair.target.neighbours),
                     check,
                 )
             },
         );
         on_source.and(on_target)?;
         Ok(state)
+    }
+
+    /// The target's side.
+    #[must_use]
+    pub fn target(&self) -> &Side<'a> {
+        self.side(Which::Target)
+    }
+
+    /// The source's side.
+    #[must_use]
+    pub fn source(&self) -> &Side<'a> {
+        self.side(Which::Source)
+    }
+
+    /// The side of either.
+    pub(super) fn side(&self, which: Which) -> &Side<'a> {
+        if which == self.moving_is {
+            &self.moving
+        } else {
+            &self.still
+        }
+    }
+
+    /// Target and source.
+    fn sides_mut(&mut self) -> [&mut Side<'a>; 2] {
+        match self.moving_is {
+            Which::Target => [&mut self.moving, &mut self.still],
+            Which::Source => [&mut self.still, &mut self.moving],
+        }
+    }
+
+    /// Units of length of the source that one of the target is.
+    #[must_use]
+    pub fn lengths(&self) -> f64 {
+        seen_from(self.moving_is, self.lengths)
     }
 
     /// Goes through a schedule from the present images; `report` is told the fraction done.
@@ -473,10 +522,11 @@ impl<'a> Refined<'a> {
         report: &(dyn Fn(f64) -> Result<()> + Sync),
     ) -> Result<Self> {
         if schedule.drawn.is_none() && !pair.knows_lengths() {
-            let (on_source, on_target) = (&self.target.images, &self.source.images);
-            self.lengths = relative_length(pair, &on_source.vertex, &on_target.vertex);
+            let [on_source, on_target] =
+                [self.target(), self.source()].map(|side| &side.images.vertex);
+            self.lengths = seen_from(self.moving_is, relative_length(pair, on_source, on_target));
         }
-        self.place_target_on_source();
+        self.place_moving_on_still();
         let (before, detail) = if schedule.two_ways {
             (CLIMB.len(), DETAIL)
         } else {
@@ -499,67 +549,86 @@ impl<'a> Refined<'a> {
         Ok(self)
     }
 
-    /// What was refined with a piece in place of the whole, as a map of the whole: what lies off the piece goes
-    /// with the nearest vertex of it, as far away as it is.
+    /// What was refined with the part on a piece in place of the whole, as a map of the whole: what lies off the
+    /// piece goes with the nearest vertex of it, as far away as it is.
     ///
     /// # Errors
     /// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
     pub(super) fn spread_from_piece(
-        &self,
-        (pair, whole_is): (&Pair<'a>, Which),
-        (piece, refined): (&Piece, &Refined<'_>),
+        pair: &Pair<'a>,
+        piece: &Piece,
+        refined: &Refined<'_>,
         check: Check<'_>,
     ) -> Result<Self> {
         check()?;
-        let mut state = self.clone();
-        state.lengths = pair.lengths;
-        let (whole, part, of_piece, of_part) = match whole_is {
-            Which::Source => {
-                let (whole, part) = (&mut state.source, &mut state.target);
-                (whole, part, &refined.source, &refined.target)
-            }
-            Which::Target => {
-                let (whole, part) = (&mut state.target, &mut state.source);
-                (whole, part, &refined.target, &refined.source)
-            }
-        };
+        let mut state = Self::unknown(pair, refined.moving_is, None);
+        let (part, whole) = (&mut state.moving, &mut state.still);
         let (mesh, nearest) = (&piece.shape.mesh, &piece.nearest);
-        let places = whole.shape.mesh.vertices.iter().zip(nearest);
-        let off: Vec<Point> = places
-            .map(|(&p, &v)| vector::sub(mesh.as_own(p), mesh.vertices[v as usize]))
-            .collect();
-        let images = of_part.images.vertex.iter();
+        let images = refined.moving.images.vertex.iter();
         part.images.vertex = images.map(|&v| piece.vertices[v as usize]).collect();
-        part.rows.clone_from(&of_part.rows);
-        let images = &of_piece.images.vertex;
+        part.rows.clone_from(&refined.moving.rows);
+        let images = &refined.still.images.vertex;
         whole.images.vertex = nearest.iter().map(|&v| images[v as usize]).collect();
-        whole.rows = of_piece.rows.gather(nearest);
-        for (v, off) in off.iter().enumerate() {
-            for (x, off) in whole.rows.row_mut(v).iter_mut().zip(off) {
+        whole.rows = refined.still.rows.gather(nearest);
+        for (v, (&p, &near)) in whole.shape.mesh.vertices.iter().zip(nearest).enumerate() {
+            let off = vector::sub(mesh.as_own(p), mesh.vertices[near as usize]);
+            for (x, off) in whole.rows.row_mut(v).iter_mut().zip(&off) {
                 *x += (WHOLE.positions * off) as f32;
             }
         }
-        state.deformed = match whole_is {
-            Which::Source => Mat::from_fn(part.asking.len(), 3, |i, c| {
-                mesh.scale * refined.deformed[(i, c)] + mesh.centre[c]
-            }),
-            Which::Target => Mat::from_fn(nearest.len(), 3, |i, c| {
-                refined.deformed[(nearest[i] as usize, c)] + refined.lengths * off[i][c]
-            }),
-        };
-        let most = self.target.most().min(self.source.most());
+        state.deformed = Mat::from_fn(part.asking.len(), 3, |i, c| {
+            mesh.scale * refined.deformed[(i, c)] + mesh.centre[c]
+        });
+        let most = state.moving.most().min(state.still.most());
         let at_images = state.at_images(most);
         (state.matrix, state.shared) = state.mapped(&at_images, check)?;
         Ok(state)
     }
 
-    /// The map of the last step between `k` eigenfunctions, fewer of a part, `(kₛ, kₜ)`.
+    /// The map of the last step between `k` eigenfunctions, fewer of a part, `(kₛ, kₜ)`: target coefficients →
+    /// source coefficients.
+    ///
+    /// # Errors
+    /// [`crate::Error::NotFactorised`].
+    pub fn low_map(&self, k: usize) -> Result<Mat<f64>> {
+        let [k_moving, k_still] = self.sizes(k);
+        match self.moving_is {
+            Which::Target => {
+                let (rows, columns) = self.matrix.shape();
+                let low = self
+                    .matrix
+                    .get(..k_still.min(rows), ..k_moving.min(columns));
+                Ok(low.to_owned())
+            }
+            Which::Source => Ok(fitted(
+                &self.moving,
+                [
+                    &self.still.own_rows(k_still),
+                    &self.moving.own_rows(k_moving),
+                ],
+                [
+                    &self.still.at_images(&self.moving, k_moving),
+                    &self.moving.at_images(&self.still, k_still),
+                ],
+                &|| Ok(()),
+            )?
+            .0),
+        }
+    }
+
+    /// How far apart each target vertex and its image are where one surface lies on the other.
     #[must_use]
-    pub fn low_map(&self, k: usize) -> MatRef<'_, f64> {
-        let [on_target, on_source] = self.sizes(k);
-        let (rows, columns) = self.matrix.shape();
-        self.matrix
-            .get(..on_source.min(rows), ..on_target.min(columns))
+    pub fn gaps(&self) -> Vec<f64> {
+        let target = &self.target().shape.mesh.vertices;
+        let source = &self.source().shape.mesh.vertices;
+        let deformed = |v: usize| [0, 1, 2].map(|c| self.deformed[(v, c)]);
+        let images = self.target().images.vertex.iter().enumerate();
+        images
+            .map(|(v, &image)| match self.moving_is {
+                Which::Target => vector::distance(deformed(v), source[image as usize]),
+                Which::Source => vector::distance(deformed(image as usize), target[v]),
+            })
+            .collect()
     }
 
     /// Climbs as it stands and by way of few eigenfunctions, and joins what is better of both.
@@ -591,7 +660,7 @@ impl<'a> Refined<'a> {
         detail: usize,
         report: &(dyn Fn(usize) -> Result<()> + Sync),
     ) -> Result<()> {
-        let most = self.target.most().min(self.source.most());
+        let most = self.moving.most().min(self.still.most());
         for (step, &size) in sizes.iter().enumerate() {
             self.advance(size.min(most), detail, &|| report(step))?;
         }
@@ -599,12 +668,12 @@ impl<'a> Refined<'a> {
     }
 
     /// Takes over the images of another refinement of this pair where they are better, and those of the
-    /// source's vertices that lie there on either map.
+    /// other shape's vertices that lie there on either map.
     fn adopt_better_regions(&mut self, other: &Self) {
-        let (own, others) = (&mut self.target.images.vertex, &other.target.images.vertex);
+        let (own, others) = (&mut self.moving.images.vertex, &other.moving.images.vertex);
         let better = regions::better_elsewhere(
-            self.target.shape,
-            self.source.shape,
+            self.moving.shape,
+            self.still.shape,
             self.lengths,
             own,
             others,
@@ -614,7 +683,7 @@ impl<'a> Refined<'a> {
                 *image = there;
             }
         }
-        let (own, others) = (&mut self.source.images.vertex, &other.source.images.vertex);
+        let (own, others) = (&mut self.still.images.vertex, &other.still.images.vertex);
         for (image, &there) in own.iter_mut().zip(others) {
             if better[*image as usize] || better[there as usize] {
                 *image = there;
@@ -626,9 +695,9 @@ impl<'a> Refined<'a> {
     /// `detail` is, map, embeddings, images.
     fn advance(&mut self, k: usize, detail: usize, check: Check<'_>) -> Result<()> {
         check()?;
-        let [on_target, on_source] = self.sizes(k.max(detail));
-        self.target.low_pass(on_target);
-        self.source.low_pass(on_source);
+        let [k_moving, k_still] = self.sizes(k.max(detail));
+        self.moving.low_pass(k_moving);
+        self.still.low_pass(k_still);
         let at_images = self.at_images(k);
         let (deformed, matrix) = rayon::join(
             || self.displaced(&at_images, check),
@@ -636,11 +705,11 @@ impl<'a> Refined<'a> {
         );
         self.deformed = deformed?;
         (self.matrix, self.shared) = matrix?;
-        let smoothed = self.source.smoothed.clone();
+        let smoothed = self.still.smoothed.clone();
         self.embed(smoothed.as_ref(), LOW_PASSED, check)
     }
 
-    /// Steps in which the target itself, not low-passed, is drawn onto the source as rigidly as
+    /// Steps in which the moving surface itself, not low-passed, is drawn onto the other as rigidly as
     /// possible, and takes the place of the low-passed surface in the embedding.
     fn settle_whole_surface(
         &mut self,
@@ -648,17 +717,17 @@ impl<'a> Refined<'a> {
         report: &(dyn Fn(usize) -> Result<()> + Sync),
     ) -> Result<()> {
         let most = self.matrix.nrows();
-        let target = &self.target.shape.mesh;
-        let rest: Vec<Point> = target
+        let mesh = &self.moving.shape.mesh;
+        let rest: Vec<Point> = mesh
             .vertices
             .iter()
             .map(|&p| vector::scaled(p, self.lengths))
             .collect();
-        let whole_source = as_matrix(&self.source.shape.mesh.vertices);
+        let whole_still = as_matrix(&self.still.shape.mesh.vertices);
         let start = (0..self.deformed.nrows())
             .map(|i| [0, 1, 2].map(|c| self.deformed[(i, c)]))
             .collect();
-        let mut surface = RigidSurface::new(&rest, &target.faces, start);
+        let mut surface = RigidSurface::new(&rest, &mesh.faces, start);
         for (step, &size) in sizes.iter().enumerate() {
             let check = || report(step);
             let at_images = self.at_images(size.min(most));
@@ -669,46 +738,46 @@ impl<'a> Refined<'a> {
             drawn?;
             (self.matrix, self.shared) = matrix?;
             self.deformed = as_matrix(&surface.positions);
-            self.embed(whole_source.as_ref(), WHOLE, &check)?;
+            self.embed(whole_still.as_ref(), WHOLE, &check)?;
         }
         Ok(())
     }
 
-    /// Embeddings by the present map and the deformed target beside `source_surface`, and the
+    /// Embeddings by the present map and the deformed surface beside `still_surface`, and the
     /// images in them.
     fn embed(
         &mut self,
-        source_surface: MatRef<'_, f64>,
+        still_surface: MatRef<'_, f64>,
         weights: Weights,
         check: Check<'_>,
     ) -> Result<()> {
         check()?;
-        self.write_rows(source_surface, weights);
+        self.write_rows(still_surface, weights);
         self.find_images(SWEEPS, check)
     }
 
-    fn write_rows(&mut self, source_surface: MatRef<'_, f64>, weights: Weights) {
-        let (target, source) = (&mut self.target, &mut self.source);
+    fn write_rows(&mut self, still_surface: MatRef<'_, f64>, weights: Weights) {
+        let (moving, still) = (&mut self.moving, &mut self.still);
         let (deformed, matrix) = (self.deformed.as_ref(), self.matrix.as_ref());
         let shared = &self.shared;
         rayon::join(
-            || target.embed(None, shared, deformed, weights),
-            || source.embed(Some(matrix), shared, source_surface, weights),
+            || moving.embed(None, shared, deformed, weights),
+            || still.embed(Some(matrix), shared, still_surface, weights),
         );
     }
 
-    /// Where on the source both maps see each target vertex, with the weight of that.
+    /// Where on the still shape both maps see each vertex of the moving one, with the weight of that.
     fn pulls(&self) -> Vec<(f64, Point)> {
-        let source = &self.source.shape.mesh.vertices;
+        let still = &self.still.shape.mesh.vertices;
         let mut pulls = vec![(0.0, [0.0; 3]); self.deformed.nrows()];
         let mut pull = |vertex: u32, weight: f64, to: u32| {
             let (sum, moment) = &mut pulls[vertex as usize];
             *sum += weight;
-            *moment = vector::add(*moment, vector::scaled(source[to as usize], weight));
+            *moment = vector::add(*moment, vector::scaled(still[to as usize], weight));
         };
-        for (side, from_target) in [(&self.target, true), (&self.source, false)] {
+        for (side, moves) in [(&self.moving, true), (&self.still, false)] {
             for (i, (&own, &image)) in side.asking.iter().zip(&side.images.vertex).enumerate() {
-                if from_target {
+                if moves {
                     pull(own, side.weights[i], image);
                 } else {
                     pull(image, side.weights[i], own);
@@ -720,31 +789,31 @@ impl<'a> Refined<'a> {
 
     /// Settles the images of both sides in the present embeddings; those of landmarks are given.
     fn find_images(&mut self, sweeps: usize, check: Check<'_>) -> Result<()> {
-        let Self { target, source, .. } = self;
-        let (target_rows, source_rows) = (&target.rows, &source.rows);
-        let (t, s) = (target.shape, source.shape);
-        let (on_source, on_target) = rayon::join(
+        let Self { moving, still, .. } = self;
+        let (moving_rows, still_rows) = (&moving.rows, &still.rows);
+        let (on_moving, on_still) = (&moving.shape.neighbours, &still.shape.neighbours);
+        let (asked, answered) = rayon::join(
             || {
-                target.images.settle(
-                    &target.asking,
-                    (target_rows, &target.neighbours),
-                    (source_rows, &s.neighbours),
+                moving.images.settle(
+                    &moving.asking,
+                    (moving_rows, &moving.neighbours),
+                    (still_rows, on_still),
                     sweeps,
                     check,
                 )
             },
             || {
-                source.images.settle(
-                    &source.asking,
-                    (source_rows, &source.neighbours),
-                    (target_rows, &t.neighbours),
+                still.images.settle(
+                    &still.asking,
+                    (still_rows, &still.neighbours),
+                    (moving_rows, on_moving),
                     sweeps,
                     check,
                 )
             },
         );
-        on_source.and(on_target)?;
-        for side in [target, source] {
+        asked.and(answered)?;
+        for side in [moving, still] {
             for &(number, image) in &side.known {
                 side.images.vertex[number as usize] = image;
             }
@@ -752,18 +821,18 @@ impl<'a> Refined<'a> {
         Ok(())
     }
 
-    /// √w times k eigenfunctions, or fewer of a part, at the images of target and source, for the fits.
+    /// √w times k eigenfunctions, or fewer of a part, at the images of the moving shape and of the other, for the fits.
     fn at_images(&mut self, k: usize) -> [Rows; 2] {
-        let [k_target, k_source] = self.sizes(k);
-        self.target.weigh(k_target);
-        self.source.weigh(k_source);
-        let (t, s) = (&self.target, &self.source);
-        let (on_source, on_target) =
-            rayon::join(|| t.at_images(s, k_source), || s.at_images(t, k_target));
-        [on_source, on_target]
+        let [k_moving, k_still] = self.sizes(k);
+        self.moving.weigh(k_moving);
+        self.still.weigh(k_still);
+        let (m, s) = (&self.moving, &self.still);
+        let (asked, answered) =
+            rayon::join(|| m.at_images(s, k_still), || s.at_images(m, k_moving));
+        [asked, answered]
     }
 
-    /// Numbers of eigenfunctions of target and source up to one eigenvalue: they grow with the area (Weyl's
+    /// Numbers of eigenfunctions of the moving shape and of the other up to one eigenvalue: they grow with the area (Weyl's
     /// law), and a part has less of it than the whole.
     ///
     /// # Source
@@ -773,55 +842,38 @@ impl<'a> Refined<'a> {
         [area, 1.0 / area].map(|ratio| (k as f64 * ratio.min(1.0)).round().max(1.0) as usize)
     }
 
-    /// Low-passed target plus the smooth displacement that brings it onto the source.
+    /// Low-passed surface plus the smooth displacement that brings it onto the other.
     fn displaced(&self, [_, answered]: &[Rows; 2], check: Check<'_>) -> Result<Mat<f64>> {
-        let (t, s) = (&self.target, &self.source);
-        let own_shift = &t.weighted_rows(s.smoothed.as_ref(), &t.images.vertex)
-            - &t.weighted_rows(t.smoothed.as_ref(), &t.asking);
+        let (m, s) = (&self.moving, &self.still);
+        let own_shift = &m.weighted_rows(s.smoothed.as_ref(), &m.images.vertex)
+            - &m.weighted_rows(m.smoothed.as_ref(), &m.asking);
         let answered_shift = &s.weighted_rows(s.smoothed.as_ref(), &s.asking)
-            - &s.weighted_rows(t.smoothed.as_ref(), &s.images.vertex);
+            - &s.weighted_rows(m.smoothed.as_ref(), &s.images.vertex);
         check()?;
-        let gram = &t.own_gram() + &dense::gram(answered);
+        let gram = &m.gram_of(&m.own) + &dense::gram(answered);
         check()?;
-        let right = &dense::sum_of_products(&t.own, &Rows::from_matrix(own_shift.as_ref(), 3))
+        let right = &dense::sum_of_products(&m.own, &Rows::from_matrix(own_shift.as_ref(), 3))
             + &dense::sum_of_products(answered, &Rows::from_matrix(answered_shift.as_ref(), 3));
-        let values = &t.shape.basis.values;
+        let values = &m.shape.basis.values;
         let scale = DISPLACEMENT_RIDGE / values[SMOOTHNESS_PAIR.min(values.len() - 1)];
         let shift = dense::solve_with_ridge(gram, |i| scale * values[i] + 1e-12, right.as_ref())?;
-        let mut deformed = t.smoothed.clone();
-        dense::add_product(deformed.as_mut(), t.basis(t.own.dims), shift.as_ref());
+        let mut deformed = m.smoothed.clone();
+        dense::add_product(deformed.as_mut(), m.basis(m.own.dims), shift.as_ref());
         Ok(deformed)
     }
 
-    /// Bijective least squares for the map, and R² of each column.
+    /// The map of this step, and R² of each column.
     fn mapped(
         &self,
         [asked, answered]: &[Rows; 2],
         check: Check<'_>,
     ) -> Result<(Mat<f64>, Vec<f64>)> {
-        let (t, s) = (&self.target, &self.source);
-        check()?;
-        let asked_gram = dense::gram(asked);
-        check()?;
-        let gram = &asked_gram + &s.own_gram();
-        check()?;
-        let asked_right = dense::sum_of_products(asked, &t.own);
-        check()?;
-        let right = &asked_right + &dense::sum_of_products(&s.own, answered);
-        let matrix = dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())?;
-        let (own, answered) = (t.own.squares(), answered.squares());
-        let shared = (0..t.own.dims)
-            .map(|j| {
-                let found = matrix.col(j).transpose() * right.col(j);
-                let all = f64::from(own[j] + answered[j]).max(f64::MIN_POSITIVE);
-                (found / all).clamp(0.0, 1.0)
-            })
-            .collect();
-        Ok((matrix, shared))
+        let own = [&self.moving.own, &self.still.own];
+        fitted(&self.still, own, [asked, answered], check)
     }
 
-    /// Rotates, scales and moves the target's coordinates so that matched points come together.
-    fn place_target_on_source(&mut self) {
+    /// Rotates, scales and moves the moving shape's coordinates so that matched points come together.
+    fn place_moving_on_still(&mut self) {
         let placing = Similarity {
             scale: self.lengths,
             ..Similarity::fitted(&self.matched())
@@ -829,22 +881,22 @@ impl<'a> Refined<'a> {
         let rotation = Mat::from_fn(3, 3, |i, j| placing.scale * placing.turn[i][j]);
         let centre = placing.apply([0.0; 3]);
         let mut coordinates =
-            dense::product(self.target.coordinates.as_ref(), rotation.transpose());
+            dense::product(self.moving.coordinates.as_ref(), rotation.transpose());
         // A constant is √area = 1 times the first eigenfunction.
         for i in 0..3 {
             coordinates[(0, i)] += centre[i];
         }
-        self.target.coordinates = coordinates;
+        self.moving.coordinates = coordinates;
     }
 
-    /// Target point, source point and weight of all matches, both ways.
+    /// Point of the moving shape, point of the other and weight of all matches, both ways.
     fn matched(&self) -> Vec<(Point, Point, f64)> {
-        let (t, s) = (&self.target, &self.source);
+        let (m, s) = (&self.moving, &self.still);
         let at = |side: &Side, v: u32| side.shape.mesh.vertices[v as usize];
-        let asked = (0..t.asking.len())
-            .map(|i| (at(t, t.asking[i]), at(s, t.images.vertex[i]), t.weights[i]));
+        let asked = (0..m.asking.len())
+            .map(|i| (at(m, m.asking[i]), at(s, m.images.vertex[i]), m.weights[i]));
         let answered = (0..s.asking.len())
-            .map(|i| (at(t, s.images.vertex[i]), at(s, s.asking[i]), s.weights[i]));
+            .map(|i| (at(m, s.images.vertex[i]), at(s, s.asking[i]), s.weights[i]));
         asked.chain(answered).collect()
     }
 
@@ -864,35 +916,73 @@ impl<'a> Refined<'a> {
         if square > SAME_POSE.powi(2) * total {
             return Ok(());
         }
-        let whole_source = as_matrix(&self.source.shape.mesh.vertices);
+        let whole_still = as_matrix(&self.still.shape.mesh.vertices);
         let deformed = self.deformed.clone();
-        let images = [self.target.images.clone(), self.source.images.clone()];
+        let images = [self.moving.images.clone(), self.still.images.clone()];
         for _ in 0..MOVES {
             let motion = Similarity::fitted(&self.matched());
-            let target = &self.target.shape.mesh.vertices;
-            let moved: Vec<Point> = target.iter().map(|&p| motion.apply(p)).collect();
+            let places = &self.moving.shape.mesh.vertices;
+            let moved: Vec<Point> = places.iter().map(|&p| motion.apply(p)).collect();
             self.deformed = as_matrix(&moved);
-            self.embed(whole_source.as_ref(), COINCIDING, check)?;
+            self.embed(whole_still.as_ref(), COINCIDING, check)?;
         }
         if !self.coincides() {
-            [self.target.images, self.source.images] = images;
+            [self.moving.images, self.still.images] = images;
             self.deformed = deformed;
-            self.write_rows(whole_source.as_ref(), WHOLE);
+            self.write_rows(whole_still.as_ref(), WHOLE);
         }
         Ok(())
     }
 
-    /// Whether the deformed target lies on the source but for a few vertices.
+    /// Whether the deformed surface lies on the other but for a few vertices.
     fn coincides(&self) -> bool {
-        let source = self.source.shape;
+        let still = self.still.shape;
         let strays = |&(v, &image): &(usize, &u32)| {
             let place = [0, 1, 2].map(|c| self.deformed[(v, c)]);
-            let off = vector::sub(place, source.mesh.vertices[image as usize]);
-            vector::dot(source.normals[image as usize], off).abs() > COINCIDENT
+            let off = vector::sub(place, still.mesh.vertices[image as usize]);
+            vector::dot(still.normals[image as usize], off).abs() > COINCIDENT
         };
-        let images = &self.target.images.vertex;
+        let images = &self.moving.images.vertex;
         let strayed = images.iter().enumerate().filter(strays).count();
         strayed as f64 <= STRAY * images.len() as f64
+    }
+}
+
+/// Bijective least squares for the map from coefficients of one side to those of another, and R² of each column:
+/// from rows of the eigenfunctions of either where it asks, `asked` of the second at the first's images, `answered` of
+/// the first at the second's.
+fn fitted(
+    to: &Side<'_>,
+    [from_own, to_own]: [&Rows; 2],
+    [asked, answered]: [&Rows; 2],
+    check: Check<'_>,
+) -> Result<(Mat<f64>, Vec<f64>)> {
+    check()?;
+    let asked_gram = dense::gram(asked);
+    check()?;
+    let gram = &asked_gram + &to.gram_of(to_own);
+    check()?;
+    let asked_right = dense::sum_of_products(asked, from_own);
+    check()?;
+    let right = &asked_right + &dense::sum_of_products(to_own, answered);
+    let matrix = dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())?;
+    let (own, answered) = (from_own.squares(), answered.squares());
+    let shared = (0..from_own.dims)
+        .map(|j| {
+            let found = matrix.col(j).transpose() * right.col(j);
+            let all = f64::from(own[j] + answered[j]).max(f64::MIN_POSITIVE);
+            (found / all).clamp(0.0, 1.0)
+        })
+        .collect();
+    Ok((matrix, shared))
+}
+
+/// Units of length of the other shape that one of this one is, by how many of the source one of the target is; and
+/// back.
+pub(super) fn seen_from(shape: Which, lengths: f64) -> f64 {
+    match shape {
+        Which::Target => lengths,
+        Which::Source => 1.0 / lengths,
     }
 }
 
@@ -943,7 +1033,7 @@ mod tests {
         let pair = testing::pair(&shape, &shape, Shares::BOTH, &hints);
         let shared_by = |image: &dyn Fn(u32) -> u32| {
             let images: Vec<u32> = (0..shape.mass.len() as u32).map(image).collect();
-            let mut state = Refined::by_images(&pair, [images.clone(), images]);
+            let mut state = Refined::by_images(&pair, Which::Target, [images.clone(), images]);
             let at_images = state.at_images(30);
             state.mapped(&at_images, &|| Ok(())).expect("regular").1
         };
@@ -960,5 +1050,34 @@ mod tests {
         let scattered = shared_by(&|v| order[v as usize]);
         assert!(scattered[0] > 0.998, "{}", scattered[0]);
         assert!(scattered[1..].iter().all(|&r| r < 0.25), "{scattered:?}");
+    }
+
+    #[test]
+    fn either_shape_moved_gives_the_same_map() {
+        let shape = torus(RINGS);
+        let hints = Hints::default();
+        let pair = testing::pair(&shape, &shape, Shares::BOTH, &hints);
+        let count = shape.mass.len() as u32;
+        let turn = count / RINGS as u32 * 5;
+        let on_source: Vec<u32> = (0..count).map(|v| (v + turn) % count).collect();
+        let on_target: Vec<u32> = (0..count).map(|v| (v + count - turn) % count).collect();
+        let [by_target, by_source] = [Which::Target, Which::Source].map(|moving_is| {
+            let images = [on_source.clone(), on_target.clone()];
+            let mut state = Refined::by_images(&pair, moving_is, images);
+            let at_images = state.at_images(20);
+            (state.matrix, state.shared) = state.mapped(&at_images, &|| Ok(())).expect("regular");
+            let still = &state.still.shape.mesh.vertices;
+            let images = &state.moving.images.vertex;
+            state.deformed =
+                Mat::from_fn(images.len(), 3, |v, c| still[images[v] as usize][c] + 0.3);
+            // Moved by 0.3 along each axis.
+            let away = 0.3 * 3f64.sqrt();
+            assert!(state.gaps().iter().all(|gap| (gap - away).abs() < 1e-9));
+            state.low_map(20).expect("regular")
+        });
+        // Turned functions are no mirror image of functions turned back.
+        assert!((&by_target - by_target.transpose()).norm_max() > 0.5);
+        // Single precision sums over 960 vertices.
+        assert!((&by_target - &by_source).norm_max() < 1e-4);
     }
 }
