@@ -1,11 +1,12 @@
 //! Final refinement: spectrum, low-passed surface and its normals together.
 //!
 //! One surface, low-passed to k eigenfunctions, is deformed onto the other by a smooth displacement: a part onto
-//! the whole, of which most is nowhere on the part, else the target onto the source. Positions and normals then disambiguate what the spectrum alone leaves open. k
-//! grows until fingers and ears are there, twice: what slid along a limb comes back a little each time. At
-//! first a second way starts from fewer eigenfunctions, which turns back twisted limbs and twists others,
-//! and each region is taken from the way that is better there. At last the surface itself is drawn onto
-//! the other, as rigidly as possible, and refines the map once more in the same way.
+//! the whole, some of which has nowhere to go on the part, else the target onto the source. Positions and
+//! normals then disambiguate what the spectrum alone leaves open. k grows until fingers and ears are there,
+//! twice: what slid along a limb comes back a little each time. At first a second way starts from fewer
+//! eigenfunctions, which turns back twisted limbs and twists others, and each region is taken from the way that
+//! is better there. At last the surface itself is drawn onto the other, as rigidly as possible, and refines the
+//! map once more in the same way.
 //!
 //! # Source
 //! Eisenberger, Lähner, Cremers, "Smooth Shells", 2020, for the product embedding; fits, schedule
@@ -576,9 +577,8 @@ impl<'a> Refined<'a> {
                 *x += (WHOLE.positions * off) as f32;
             }
         }
-        state.deformed = Mat::from_fn(part.asking.len(), 3, |i, c| {
-            mesh.scale * refined.deformed[(i, c)] + mesh.centre[c]
-        });
+        let deformed = (0..part.asking.len()).map(|v| mesh.as_given(refined.deformed_at(v)));
+        state.deformed = as_matrix(&deformed.collect::<Vec<_>>());
         let most = state.moving.most().min(state.still.most());
         let at_images = state.at_images(most);
         (state.matrix, state.shared) = state.mapped(&at_images, check)?;
@@ -621,14 +621,18 @@ impl<'a> Refined<'a> {
     pub fn gaps(&self) -> Vec<f64> {
         let target = &self.target().shape.mesh.vertices;
         let source = &self.source().shape.mesh.vertices;
-        let deformed = |v: usize| [0, 1, 2].map(|c| self.deformed[(v, c)]);
         let images = self.target().images.vertex.iter().enumerate();
         images
             .map(|(v, &image)| match self.moving_is {
-                Which::Target => vector::distance(deformed(v), source[image as usize]),
-                Which::Source => vector::distance(deformed(image as usize), target[v]),
+                Which::Target => vector::distance(self.deformed_at(v), source[image as usize]),
+                Which::Source => vector::distance(self.deformed_at(image as usize), target[v]),
             })
             .collect()
+    }
+
+    /// Where a vertex of the moving shape lies on the other in the last step.
+    fn deformed_at(&self, v: usize) -> Point {
+        [0, 1, 2].map(|c| self.deformed[(v, c)])
     }
 
     /// Climbs as it stands and by way of few eigenfunctions, and joins what is better of both.
@@ -725,7 +729,7 @@ impl<'a> Refined<'a> {
             .collect();
         let whole_still = as_matrix(&self.still.shape.mesh.vertices);
         let start = (0..self.deformed.nrows())
-            .map(|i| [0, 1, 2].map(|c| self.deformed[(i, c)]))
+            .map(|v| self.deformed_at(v))
             .collect();
         let mut surface = RigidSurface::new(&rest, &mesh.faces, start);
         for (step, &size) in sizes.iter().enumerate() {
@@ -821,7 +825,8 @@ impl<'a> Refined<'a> {
         Ok(())
     }
 
-    /// √w times k eigenfunctions, or fewer of a part, at the images of the moving shape and of the other, for the fits.
+    /// √w times k eigenfunctions, or fewer of a part, at the images of the moving shape and of the other, for the
+    /// fits.
     fn at_images(&mut self, k: usize) -> [Rows; 2] {
         let [k_moving, k_still] = self.sizes(k);
         self.moving.weigh(k_moving);
@@ -832,8 +837,8 @@ impl<'a> Refined<'a> {
         [asked, answered]
     }
 
-    /// Numbers of eigenfunctions of the moving shape and of the other up to one eigenvalue: they grow with the area (Weyl's
-    /// law), and a part has less of it than the whole.
+    /// Numbers of eigenfunctions of the moving shape and of the other up to one eigenvalue: they grow with the area
+    /// (Weyl's law), and a part has less of it than the whole.
     ///
     /// # Source
     /// Rodolà, Cosmo, Bronstein, Torsello, Cremers, "Partial functional correspondence", 2017.
@@ -938,8 +943,7 @@ impl<'a> Refined<'a> {
     fn coincides(&self) -> bool {
         let still = self.still.shape;
         let strays = |&(v, &image): &(usize, &u32)| {
-            let place = [0, 1, 2].map(|c| self.deformed[(v, c)]);
-            let off = vector::sub(place, still.mesh.vertices[image as usize]);
+            let off = vector::sub(self.deformed_at(v), still.mesh.vertices[image as usize]);
             vector::dot(still.normals[image as usize], off).abs() > COINCIDENT
         };
         let images = &self.moving.images.vertex;
