@@ -23,6 +23,7 @@ pub mod metric;
 pub mod nearest;
 pub mod orientation;
 pub mod pair;
+mod part_relocation;
 mod part_search;
 pub mod pointwise_map;
 pub mod progress;

@@ -39,71 +39,106 @@ const ALIKE: usize = 2;
 const FINISHED: usize = 24;
 const APART: f32 = 0.1;
 /// Samples of the part to which a map is fitted.
-const ASKING: usize = 300;
+pub const ASKING: usize = 300;
 /// Eigenfunctions of the part in a map; of the whole as many as have no larger eigenvalue.
 const MAP_SIZE: usize = 20;
 /// Tikhonov weight of a fit, per sample.
 const FIT_RIDGE: f64 = 1e-3;
 
+/// A part, the whole, and how long the part's unit is on the whole.
+pub struct PartInWhole<'a> {
+    /// The shape that is a part.
+    pub part: &'a Shape,
+    /// The other one.
+    pub whole: &'a Shape,
+    /// Units of length of the whole that one of the part is.
+    pub unit: f32,
+    target_is_part: bool,
+}
+
+impl<'a> PartInWhole<'a> {
+    /// By the pair's shares, which say which shape is the part, and its lengths.
+    #[must_use]
+    pub fn of(pair: &Pair<'a>) -> Self {
+        let target_is_part = pair.shares == Shares::TARGET_IS_PART;
+        let (part, whole, unit) = if target_is_part {
+            (pair.target, pair.source, pair.lengths)
+        } else {
+            (pair.source, pair.target, 1.0 / pair.lengths)
+        };
+        Self {
+            part,
+            whole,
+            unit: unit as f32,
+            target_is_part,
+        }
+    }
+
+    /// A `(kₛ, kₜ)` map, target coefficients → source coefficients, by the images of the part's first [`ASKING`]
+    /// samples.
+    ///
+    /// # Errors
+    /// [`crate::Error::NotFactorised`].
+    pub fn fitted(&self, images: &[u32]) -> Result<Mat<f64>> {
+        let Self { part, whole, .. } = self;
+        let asking = part.farthest_points(ASKING);
+        let most = whole.basis.values.len();
+        let size = MAP_SIZE.min(part.basis.values.len());
+        let whole_size = ((size as f32 / (self.unit * self.unit)).round() as usize).min(most);
+        let here = dense::gather_rows(part.basis.functions.as_ref(), asking, size);
+        let there = dense::gather_rows(whole.basis.functions.as_ref(), images, whole_size);
+        let (from, to) = if self.target_is_part {
+            (there.as_ref(), here.as_ref())
+        } else {
+            (here.as_ref(), there.as_ref())
+        };
+        let gram = dense::product(from.transpose(), from);
+        let right = dense::product(from.transpose(), to);
+        dense::solve_with_ridge(gram, |_| FIT_RIDGE * asking.len() as f64, right.as_ref())
+    }
+
+    /// Samples of the whole whose distances to the places are those of the part's first [`ASKING`] samples to the
+    /// placed ones.
+    fn images(&self, places: &[u16]) -> Vec<u32> {
+        let Self { part, whole, .. } = self;
+        let image = |&v: &u32| {
+            let misfit = |x: u32| -> f32 {
+                let changes = places.iter().enumerate().map(|(j, &place)| {
+                    let here = self.unit * part.fields[(v as usize, j)];
+                    change(here, whole.fields[(x as usize, usize::from(place))])
+                });
+                changes.sum()
+            };
+            let misfits = whole.farthest.iter().map(|&x| (misfit(x), x));
+            misfits.fold((f32::INFINITY, 0), |best, found| {
+                if found.0 < best.0 { found } else { best }
+            })
+        };
+        let asking = part.farthest_points(ASKING).iter();
+        asking.map(|v| image(v).1).collect()
+    }
+}
+
 /// `(kₛ, kₜ)` maps, target coefficients → source coefficients, that change distances between samples least.
-///
-/// The pair's shares say which shape is the part, its lengths how long the unit of one is on the other.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
-pub fn first_maps(pair: &Pair<'_>, check: Check<'_>) -> Result<Vec<Mat<f64>>> {
-    let target_is_part = pair.shares == Shares::TARGET_IS_PART;
-    let (part, whole, unit) = if target_is_part {
-        (pair.target, pair.source, pair.lengths)
-    } else {
-        (pair.source, pair.target, 1.0 / pair.lengths)
-    };
-    let on_part = Scale(unit as f32) * part.between_marched();
-    let placements = placements(on_part.as_ref(), whole.between_marched().as_ref(), check)?;
-    let asking = part.farthest_points(ASKING);
-    let most = whole.basis.values.len();
-    let size = MAP_SIZE.min(part.basis.values.len());
-    let whole_size = ((size as f64 / (unit * unit)).round() as usize).min(most);
-    let here = dense::gather_rows(part.basis.functions.as_ref(), asking, size);
+pub fn first_maps(pair: &PartInWhole<'_>, check: Check<'_>) -> Result<Vec<Mat<f64>>> {
+    let on_part = Scale(pair.unit) * pair.part.between_marched();
+    let on_whole = pair.whole.between_marched();
+    let placements = placements(on_part.as_ref(), on_whole.as_ref(), check)?;
     placements
         .par_iter()
         .map(|places| {
             check()?;
-            let images = images(part, unit, whole, places, asking);
-            let there = dense::gather_rows(whole.basis.functions.as_ref(), &images, whole_size);
-            let (from, to) = if target_is_part {
-                (there.as_ref(), here.as_ref())
-            } else {
-                (here.as_ref(), there.as_ref())
-            };
-            let gram = dense::product(from.transpose(), from);
-            let right = dense::product(from.transpose(), to);
-            dense::solve_with_ridge(gram, |_| FIT_RIDGE * asking.len() as f64, right.as_ref())
+            pair.fitted(&pair.images(places))
         })
         .collect()
 }
 
-/// Samples of the whole whose distances to the places are those of the asking vertices to the placed samples.
-fn images(part: &Shape, unit: f64, whole: &Shape, places: &[u16], asking: &[u32]) -> Vec<u32> {
-    let image = |&v: &u32| {
-        let misfit = |x: u32| -> f32 {
-            let changes = places.iter().enumerate().map(|(j, &place)| {
-                let here = unit as f32 * part.fields[(v as usize, j)];
-                change(here, whole.fields[(x as usize, usize::from(place))])
-            });
-            changes.sum()
-        };
-        let misfits = whole.farthest.iter().map(|&x| (misfit(x), x));
-        misfits.fold((f32::INFINITY, 0), |best, found| {
-            if found.0 < best.0 { found } else { best }
-        })
-    };
-    asking.iter().map(|v| image(v).1).collect()
-}
-
 /// What it costs that a distance on the part is another one on the whole.
 #[inline(always)]
-fn change(on_part: f32, on_whole: f32) -> f32 {
+pub fn change(on_part: f32, on_whole: f32) -> f32 {
     let longer = on_part - on_whole;
     let weighted = longer * if longer > 0.0 { LONGER } else { 1.0 };
     weighted * weighted

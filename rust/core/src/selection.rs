@@ -620,14 +620,20 @@ pub fn merged(source: &Shape, some: Vec<Hypothesis>, more: Vec<Hypothesis>) -> V
     all.sort_by(|a, b| a.figures.rank().total_cmp(&b.figures.rank()));
     let mut kept: Vec<Hypothesis> = Vec::new();
     for hypothesis in all {
-        let differs = |other: &Hypothesis| {
-            source.mean_spectral_distance(&hypothesis.images, &other.images) > DIFFERENT
-        };
-        if kept.iter().all(differs) {
+        if !kept
+            .iter()
+            .any(|other| say_the_same(source, &hypothesis, other))
+        {
             kept.push(hypothesis);
         }
     }
     kept
+}
+
+/// Whether two hypotheses are one map but for details.
+#[must_use]
+pub fn say_the_same(source: &Shape, a: &Hypothesis, b: &Hypothesis) -> bool {
+    source.mean_spectral_distance(&a.images, &b.images) <= DIFFERENT
 }
 
 /// Holds the symmetry of both shapes, found since, against hypotheses that were made without it.

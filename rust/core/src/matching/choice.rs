@@ -1,25 +1,23 @@
 //! The automatic method: which of the maps found is completed, and which are kept beside it.
 
-use std::ops::Range;
 use std::sync::Arc;
 
 use rayon::prelude::*;
 
 use super::Correspondence;
-use super::correspondence::dense_map;
-use crate::confidence::local_distortion;
+use super::completed::{Completed, completed_and_ranked};
+use super::of_part::{
+    best_of_part, may_be_part, part_by_given_lengths, placed, placed_anyhow, refine_on_covered,
+    with_relocations,
+};
 use crate::error::{Error, Result};
 use crate::hints::Hints;
 use crate::map_search::{SampledPair, Width};
 use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
-use crate::part_search;
 use crate::progress::Progress;
 use crate::quality;
-use crate::refinement::covered;
-use crate::refinement::embedded_surface::{self, Refined};
+use crate::refinement::embedded_surface;
 use crate::refinement::regions;
-use crate::refinement::relative_length::growth_at_samples;
-use crate::refinement::upsampling::UPSAMPLED_SIZE;
 use crate::selection::{self, Figures, Hypothesis};
 use crate::shape::Shape;
 use crate::symmetry;
@@ -33,21 +31,8 @@ const CLOSED_PART_FITS_BETTER: f64 = 0.6;
 /// The same where given lengths say that it is a part and the map between wholes is doubtful: one that wraps a cut
 /// cat into a whole one reaches the rank of the right part.
 const KNOWN_PART_FITS_BETTER: f64 = 1.1;
-/// Close hypotheses completed at most, and hypotheses of a part, of which the first are all completed.
+/// Close hypotheses completed at most.
 const MOST_COMPLETED: usize = 3;
-const MOST_COMPLETED_OF_PART: usize = 8;
-/// Lengths of a part in units of the whole, both at unit area, when they are given in one unit: a body that is no
-/// part is not just so much smaller, and less leaves little to be recognised by.
-const PART_LENGTHS: Range<f64> = 0.4..0.97;
-/// Lengths of the unit of a part on the whole where nothing tells them: each finds the maps of parts within a tenth.
-const ASSUMED_PART_LENGTHS: [f64; 2] = [0.9, 0.75];
-/// Maps found otherwise that a search for a part begins with too.
-const OTHER_STARTS: usize = 6;
-/// Times that the map of a part is refined on what it covers of the whole.
-const COVERED_ROUNDS: usize = 2;
-/// Such a map is kept when its rank is below this times that of the map before: where too much was cut away it is above
-/// 1.25, else mostly below 1.05 and 1.12 at most.
-const COVERED_WELL: f64 = 1.2;
 /// Symmetries found on both shapes are the same when the best map that respects them has at most this times the
 /// rank of the best one that does not, each without what it contradicts: right ones stay below 1.25, also
 /// between cats and horses, where one of them was mistaken it is above 1.5.
@@ -176,71 +161,6 @@ fn or_part(
     Ok(best)
 }
 
-/// Whether a map between wholes may be that of a part of such lengths: it is doubtful, or says so of distances.
-fn may_be_part(pair: &Pair<'_>, map: &Hypothesis, (_, lengths): (Shares, f64)) -> bool {
-    pair.uses(Part::Retry)
-        && map.shares == Shares::BOTH
-        && (quality::doubtful(&map.figures) || grows_to(pair, map, lengths))
-}
-
-/// Whether a map makes distances rather so many times as long than leaving them.
-fn grows_to(pair: &Pair<'_>, map: &Hypothesis, lengths: f64) -> bool {
-    let growth = growth_at_samples(pair.target, pair.source, &map.images);
-    (growth / lengths).ln().abs() < growth.ln().abs()
-}
-
-/// Hypotheses for a part of known lengths: from distances between samples, and from maps found otherwise.
-fn placed(
-    pair: &Pair<'_>,
-    (shares, lengths): (Shares, f64),
-    others: &[Hypothesis],
-    progress: &Progress,
-) -> Result<Vec<Hypothesis>> {
-    let pair = &Pair {
-        shares,
-        lengths,
-        ..*pair
-    };
-    let check = || progress.check();
-    let mut starts = part_search::first_maps(pair, &check)?;
-    starts.extend(others.iter().take(OTHER_STARTS).map(|h| h.matrix.clone()));
-    selection::of_part(pair, &starts, &check)
-}
-
-/// Those for a part whose lengths nothing tells.
-fn placed_anyhow(
-    pair: &Pair<'_>,
-    shares: Shares,
-    others: &[Hypothesis],
-    progress: &Progress,
-) -> Result<Vec<Hypothesis>> {
-    let mut found = Vec::new();
-    for length in ASSUMED_PART_LENGTHS {
-        let lengths = if shares == Shares::TARGET_IS_PART {
-            length
-        } else {
-            1.0 / length
-        };
-        let more = placed(pair, (shares, lengths), others, progress)?;
-        found = selection::merged(pair.source, found, more);
-    }
-    Ok(found)
-}
-
-/// Which open shape is a part, and lengths, if both are of one size as given: it is then clearly smaller.
-fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Shares, f64)> {
-    let lengths = pair.target.unit / pair.source.unit;
-    let is_part =
-        |shape: &Shape, length: f64| shape.mesh.is_open() && PART_LENGTHS.contains(&length);
-    if is_part(pair.target, lengths) {
-        Some((Shares::TARGET_IS_PART, lengths))
-    } else if is_part(pair.source, 1.0 / lengths) {
-        Some((Shares::SOURCE_IS_PART, lengths))
-    } else {
-        None
-    }
-}
-
 /// Hypotheses where it is known whether one shape is a part of the other, and which.
 pub(super) fn as_asked(
     pair: &Pair<'_>,
@@ -337,7 +257,9 @@ pub(super) fn clearest(
             .collect()
     };
     let found = if hypotheses.first().is_some_and(Hypothesis::is_of_part) {
-        best_of_part(&mut hypotheses, &complete)?
+        let first = best_of_part(&mut hypotheses, &complete)?;
+        let relocate = |found| with_relocations(pair, &mut hypotheses, found, &complete, progress);
+        first.map(relocate).transpose()?
     } else {
         let close = selection::rivals(&hypotheses).min(MOST_COMPLETED);
         best_of_close(pair, complete(&hypotheses[..close])?)
@@ -371,30 +293,6 @@ fn best_of_close<'a>(
         }
     });
     Some((best, completed.swap_remove(best)))
-}
-
-/// The best of the first maps of a part by their completed figures, which take the place of those before: many are
-/// half turned after a short refinement, so that the right one may rank behind several.
-fn best_of_part<'a>(
-    hypotheses: &mut [Hypothesis],
-    complete: &dyn Fn(&[Hypothesis]) -> Result<Vec<Completed<'a>>>,
-) -> Result<Option<(usize, Completed<'a>)>> {
-    let of_part = hypotheses.iter().take_while(|h| h.is_of_part()).count();
-    let mut best: Option<(usize, Completed<'a>)> = None;
-    let first = &mut hypotheses[..of_part.min(MOST_COMPLETED_OF_PART)];
-    // A few at a time, to keep few of them.
-    for (batch, some) in first.chunks_mut(MOST_COMPLETED).enumerate() {
-        for (i, map) in complete(some)?.into_iter().enumerate() {
-            some[i].judge_anew(map.figures, &map.state);
-            if best
-                .as_ref()
-                .is_none_or(|(_, other)| map.figures.rank() < other.figures.rank())
-            {
-                best = Some((batch * MOST_COMPLETED + i, map));
-            }
-        }
-    }
-    Ok(best)
 }
 
 /// Whether a map that differs from another in some part of the target keeps distances and
@@ -460,171 +358,4 @@ pub fn completed(
     let mut found = map.finished(&pair, &hypothesis, progress)?;
     found.hints = Arc::clone(hints);
     Ok(found)
-}
-
-/// A refined map with what decides between close ones.
-struct Completed<'a> {
-    state: Refined<'a>,
-    /// Figures of the refined map.
-    figures: Figures,
-    /// Local distortion at each target vertex.
-    distortion: Vec<f64>,
-    /// Source vertex of each target vertex.
-    images: Vec<u32>,
-}
-
-impl Completed<'_> {
-    /// The dense map, with what is known of it.
-    fn finished(
-        self,
-        pair: &Pair<'_>,
-        hypothesis: &Hypothesis,
-        progress: &Progress,
-    ) -> Result<Correspondence> {
-        let (asking, answering) = (self.state.target(), self.state.source());
-        let gaps = self.state.gaps();
-        let misfit: Vec<(f64, f64)> = self.distortion.iter().copied().zip(gaps).collect();
-        let mut found = dense_map(
-            pair.source,
-            pair.target,
-            (&asking.rows, &asking.images.vertex),
-            (&answering.rows, &answering.images.vertex),
-            &misfit,
-            &pair.hints.landmarks,
-            progress,
-        )?;
-        found.figures = Some(Figures {
-            agreement: self.figures.agreement,
-            ..hypothesis.figures
-        });
-        found.shares = hypothesis.shares;
-        Ok(found)
-    }
-}
-
-fn completed_and_ranked<'a>(
-    pair: &Pair<'a>,
-    hypothesis: &Hypothesis,
-    progress: &Progress,
-    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
-) -> Result<Completed<'a>> {
-    let (pair, state) = refined(pair, hypothesis, report)?;
-    report("dense map", 0.9)?;
-    ranked(&pair, hypothesis, state, progress)
-}
-
-/// Refines the map of a part once more on what it covers of the whole, where that is no worse; also a map between
-/// wholes where given lengths say that one may be a part, if it is then better.
-fn refine_on_covered<'a>(
-    pair: &Pair<'a>,
-    hypothesis: &mut Hypothesis,
-    map: &mut Completed<'a>,
-    progress: &Progress,
-    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
-) -> Result<()> {
-    let of_part = hypothesis.is_of_part();
-    let part = if of_part {
-        Some((hypothesis.shares, map.state.lengths()))
-    } else {
-        part_by_given_lengths(pair).filter(|part| may_be_part(pair, hypothesis, *part))
-    };
-    let Some((shares, lengths)) = part else {
-        return Ok(());
-    };
-    let pair = &Pair {
-        shares,
-        lengths,
-        ..*pair
-    };
-    let mut as_part = Hypothesis {
-        shares,
-        lengths,
-        ..hypothesis.clone()
-    };
-    let bound = if of_part {
-        COVERED_WELL * map.figures.rank()
-    } else {
-        judged(pair, &as_part, &map.state)?.rank()
-    };
-    let within = |f: f64| report("refinement", 0.9 * f);
-    for _ in 0..COVERED_ROUNDS {
-        let found = covered::refined_on_covered(pair, &map.state, progress, &within)?;
-        let Some(state) = found else {
-            return Ok(());
-        };
-        let found = ranked(pair, &as_part, state, progress)?;
-        if found.figures.rank() > bound {
-            return Ok(());
-        }
-        as_part.judge_anew(found.figures, &found.state);
-        *hypothesis = as_part.clone();
-        *map = found;
-    }
-    Ok(())
-}
-
-/// A refined map with what decides between close ones.
-fn ranked<'a>(
-    pair: &Pair<'a>,
-    hypothesis: &Hypothesis,
-    state: Refined<'a>,
-    progress: &Progress,
-) -> Result<Completed<'a>> {
-    let images = state.target().images.vertex.clone();
-    Ok(Completed {
-        figures: judged(pair, hypothesis, &state)?,
-        distortion: local_distortion(pair.target, pair.source, &images, pair.lengths, progress)?,
-        images,
-        state,
-    })
-}
-
-/// Figures of the refined map of a hypothesis.
-fn judged(pair: &Pair<'_>, hypothesis: &Hypothesis, map: &Refined<'_>) -> Result<Figures> {
-    if hypothesis.in_place {
-        return Ok(hypothesis.figures);
-    }
-    let of_part = hypothesis
-        .is_of_part()
-        .then(|| map.low_map(UPSAMPLED_SIZE))
-        .transpose()?;
-    Ok(Figures {
-        contradiction: hypothesis.figures.contradiction,
-        mirrored_gain: hypothesis.figures.mirrored_gain,
-        ..selection::figures(
-            pair,
-            of_part.as_ref().unwrap_or(&hypothesis.matrix).as_ref(),
-            &selection::judged_images(map.target()),
-            &selection::judged_images(map.source()),
-        )
-    })
-}
-
-/// The refined map of a hypothesis, and what it says of the pair.
-fn refined<'a>(
-    pair: &Pair<'a>,
-    hypothesis: &Hypothesis,
-    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
-) -> Result<(Pair<'a>, Refined<'a>)> {
-    if hypothesis.in_place
-        && let Some(found) = embedded_surface::in_place(pair, &|| report("refinement", 0.0))?
-    {
-        return Ok(found);
-    }
-    let pair = Pair {
-        shares: hypothesis.shares,
-        lengths: hypothesis.lengths,
-        ..*pair
-    };
-    let state = embedded_surface::refined(
-        &pair,
-        hypothesis.matrix.as_ref(),
-        embedded_surface::FULL,
-        &|f| report("refinement", 0.9 * f),
-    )?;
-    let pair = Pair {
-        lengths: state.lengths(),
-        ..pair
-    };
-    Ok((pair, state))
 }

@@ -1,7 +1,9 @@
 //! The whole chain: two prepared shapes in, a dense map out.
 
 mod choice;
+mod completed;
 mod correspondence;
+mod of_part;
 mod published;
 
 use std::sync::Arc;

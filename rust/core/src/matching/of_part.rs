@@ -1,0 +1,235 @@
+//! The automatic method for a part of a whole: its hypotheses, and how the best of them becomes the map.
+
+use std::ops::Range;
+
+use faer::Mat;
+
+use super::completed::{Completed, judged, ranked};
+use crate::error::Result;
+use crate::pair::{Pair, Part, Shares};
+use crate::part_relocation;
+use crate::part_search::{self, PartInWhole};
+use crate::progress::Progress;
+use crate::quality;
+use crate::refinement::covered;
+use crate::refinement::embedded_surface::Refined;
+use crate::refinement::relative_length::growth_at_samples;
+use crate::selection::{self, Hypothesis};
+use crate::shape::Shape;
+
+/// Lengths of a part in units of the whole, both at unit area, when they are given in one unit: a body that is no
+/// part is not just so much smaller, and less leaves little to be recognised by.
+const PART_LENGTHS: Range<f64> = 0.4..0.97;
+/// Lengths of the unit of a part on the whole where nothing tells them: each finds the maps of parts within a tenth.
+const ASSUMED_PART_LENGTHS: [f64; 2] = [0.9, 0.75];
+/// Maps found otherwise that a search for a part begins with too.
+const OTHER_STARTS: usize = 6;
+/// Hypotheses of a part that are completed, the first so many, a few at a time.
+const MOST_COMPLETED: usize = 8;
+const AT_ONCE: usize = 3;
+/// Times that the samples of a part are moved to where the rest of its map would have them.
+const RELOCATIONS: usize = 3;
+/// Maps with moved samples are completed when their rank after a short refinement is below this times that of the
+/// map they come from.
+const WORTH_COMPLETING: f64 = 1.25;
+/// Times that the map of a part is refined on what it covers of the whole.
+const COVERED_ROUNDS: usize = 2;
+/// Such a map is kept when its rank is below this times that of the map before: where too much was cut away it is above
+/// 1.25, else mostly below 1.05 and 1.12 at most.
+const COVERED_WELL: f64 = 1.2;
+
+/// Which open shape is a part, and lengths, if both are of one size as given: it is then clearly smaller.
+pub(super) fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Shares, f64)> {
+    let lengths = pair.target.unit / pair.source.unit;
+    let is_part =
+        |shape: &Shape, length: f64| shape.mesh.is_open() && PART_LENGTHS.contains(&length);
+    if is_part(pair.target, lengths) {
+        Some((Shares::TARGET_IS_PART, lengths))
+    } else if is_part(pair.source, 1.0 / lengths) {
+        Some((Shares::SOURCE_IS_PART, lengths))
+    } else {
+        None
+    }
+}
+
+/// Whether a map between wholes may be that of a part of such lengths: it is not clear, or says so of distances.
+pub(super) fn may_be_part(pair: &Pair<'_>, map: &Hypothesis, (_, lengths): (Shares, f64)) -> bool {
+    pair.uses(Part::Retry)
+        && map.shares == Shares::BOTH
+        && (!quality::clear(&map.figures) || grows_to(pair, map, lengths))
+}
+
+/// Whether a map makes distances rather so many times as long than leaving them.
+fn grows_to(pair: &Pair<'_>, map: &Hypothesis, lengths: f64) -> bool {
+    let growth = growth_at_samples(pair.target, pair.source, &map.images);
+    (growth / lengths).ln().abs() < growth.ln().abs()
+}
+
+/// Hypotheses for a part of known lengths: from distances between samples, and from maps found otherwise.
+pub(super) fn placed(
+    pair: &Pair<'_>,
+    (shares, lengths): (Shares, f64),
+    others: &[Hypothesis],
+    progress: &Progress,
+) -> Result<Vec<Hypothesis>> {
+    let pair = &Pair {
+        shares,
+        lengths,
+        ..*pair
+    };
+    let check = || progress.check();
+    let mut starts = part_search::first_maps(&PartInWhole::of(pair), &check)?;
+    starts.extend(others.iter().take(OTHER_STARTS).map(|h| h.matrix.clone()));
+    selection::of_part(pair, &starts, &check)
+}
+
+/// Those for a part whose lengths nothing tells.
+pub(super) fn placed_anyhow(
+    pair: &Pair<'_>,
+    shares: Shares,
+    others: &[Hypothesis],
+    progress: &Progress,
+) -> Result<Vec<Hypothesis>> {
+    let mut found = Vec::new();
+    for length in ASSUMED_PART_LENGTHS {
+        let lengths = if shares == Shares::TARGET_IS_PART {
+            length
+        } else {
+            1.0 / length
+        };
+        let more = placed(pair, (shares, lengths), others, progress)?;
+        found = selection::merged(pair.source, found, more);
+    }
+    Ok(found)
+}
+
+/// The best of the first maps of a part by their completed figures, which take the place of those before: many are
+/// half turned after a short refinement, so that the right one may rank behind several.
+pub(super) fn best_of_part<'a>(
+    hypotheses: &mut [Hypothesis],
+    complete: &dyn Fn(&[Hypothesis]) -> Result<Vec<Completed<'a>>>,
+) -> Result<Option<(usize, Completed<'a>)>> {
+    let of_part = hypotheses.iter().take_while(|h| h.is_of_part()).count();
+    let mut best: Option<(usize, Completed<'a>)> = None;
+    let first = &mut hypotheses[..of_part.min(MOST_COMPLETED)];
+    for (batch, some) in first.chunks_mut(AT_ONCE).enumerate() {
+        for (i, map) in complete(some)?.into_iter().enumerate() {
+            some[i].judge_anew(map.figures, &map.state);
+            if best
+                .as_ref()
+                .is_none_or(|(_, other)| map.figures.rank() < other.figures.rank())
+            {
+                best = Some((batch * AT_ONCE + i, map));
+            }
+        }
+    }
+    Ok(best)
+}
+
+/// The completed map of a part, or a better one found by moving samples to where the rest of it would have them; another
+/// map is one more hypothesis.
+pub(super) fn with_relocations<'a>(
+    pair: &Pair<'a>,
+    hypotheses: &mut Vec<Hypothesis>,
+    (mut best, mut map): (usize, Completed<'a>),
+    complete: &dyn Fn(&[Hypothesis]) -> Result<Vec<Completed<'a>>>,
+    progress: &Progress,
+) -> Result<(usize, Completed<'a>)> {
+    let check = || progress.check();
+    for _ in 0..RELOCATIONS {
+        let pair = &Pair {
+            shares: hypotheses[best].shares,
+            lengths: map.state.lengths(),
+            ..*pair
+        };
+        let starts = relocated(pair, &map.state, progress)?;
+        let bound = map.figures.rank();
+        let mut found = selection::of_part(pair, &starts, &check)?;
+        found.retain(|h| h.figures.rank() < WORTH_COMPLETING * bound);
+        let completed = complete(&found)?;
+        for (mut hypothesis, other) in found.into_iter().zip(completed) {
+            if other.figures.rank() < map.figures.rank() {
+                hypothesis.judge_anew(other.figures, &other.state);
+                if selection::say_the_same(pair.source, &hypothesis, &hypotheses[best]) {
+                    hypotheses[best] = hypothesis;
+                } else {
+                    best = hypotheses.len();
+                    hypotheses.push(hypothesis);
+                }
+                map = other;
+            }
+        }
+        if map.figures.rank() >= bound {
+            break;
+        }
+    }
+    Ok((best, map))
+}
+
+/// First maps by the samples of a part, some moved to where the rest of its map would have them.
+fn relocated(pair: &Pair<'_>, map: &Refined<'_>, progress: &Progress) -> Result<Vec<Mat<f64>>> {
+    let side = if pair.shares == Shares::TARGET_IS_PART {
+        map.target()
+    } else {
+        map.source()
+    };
+    let pair = PartInWhole::of(pair);
+    let mut starts = Vec::new();
+    for heard_from in part_relocation::HEARD_FROM {
+        let images = &side.images.vertex;
+        if let Some(images) = part_relocation::relocated(&pair, images, heard_from, progress)? {
+            starts.push(pair.fitted(&images)?);
+        }
+    }
+    Ok(starts)
+}
+
+/// Refines the map of a part once more on what it covers of the whole, where that is no worse; also a map between
+/// wholes where given lengths say that one may be a part, if it is then better.
+pub(super) fn refine_on_covered<'a>(
+    pair: &Pair<'a>,
+    hypothesis: &mut Hypothesis,
+    map: &mut Completed<'a>,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<()> {
+    let of_part = hypothesis.is_of_part();
+    let part = if of_part {
+        Some((hypothesis.shares, map.state.lengths()))
+    } else {
+        part_by_given_lengths(pair).filter(|part| may_be_part(pair, hypothesis, *part))
+    };
+    let Some((shares, lengths)) = part else {
+        return Ok(());
+    };
+    let pair = &Pair {
+        shares,
+        lengths,
+        ..*pair
+    };
+    let mut as_part = Hypothesis {
+        shares,
+        lengths,
+        ..hypothesis.clone()
+    };
+    let bound = if of_part {
+        COVERED_WELL * map.figures.rank()
+    } else {
+        judged(pair, &as_part, &map.state)?.rank()
+    };
+    let within = |f: f64| report("refinement", 0.9 * f);
+    for _ in 0..COVERED_ROUNDS {
+        let found = covered::refined_on_covered(pair, &map.state, progress, &within)?;
+        let Some(state) = found else {
+            return Ok(());
+        };
+        let found = ranked(pair, &as_part, state, progress)?;
+        if found.figures.rank() > bound {
+            return Ok(());
+        }
+        as_part.judge_anew(found.figures, &found.state);
+        *hypothesis = as_part.clone();
+        *map = found;
+    }
+    Ok(())
+}
