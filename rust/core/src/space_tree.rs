@@ -1,5 +1,7 @@
 //! Nearest points in space.
 
+use std::ops::Range;
+
 use rayon::prelude::*;
 
 use crate::vector::{self, Point};
@@ -12,6 +14,8 @@ const LEAF: usize = 8;
 pub struct SpaceTree<'a> {
     points: &'a [Point],
     order: Vec<u32>,
+    /// The axis along which the point at the same place in `order` divides its part.
+    axes: Vec<u8>,
 }
 
 impl<'a> SpaceTree<'a> {
@@ -19,15 +23,20 @@ impl<'a> SpaceTree<'a> {
     #[must_use]
     pub fn new(points: &'a [Point]) -> Self {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
-        split(points, &mut order);
-        Self { points, order }
+        let mut axes = vec![0; points.len()];
+        split(points, &mut order, &mut axes);
+        Self {
+            points,
+            order,
+            axes,
+        }
     }
 
     /// Nearest point, the lowest number winning a tie; nothing when there are no points.
     #[must_use]
     pub fn nearest(&self, query: Point) -> Option<u32> {
         let mut best = None;
-        self.visit(&self.order, query, &mut best);
+        self.visit(0..self.order.len(), query, &mut best);
         best.map(|(_, id)| id)
     }
 
@@ -40,7 +49,7 @@ impl<'a> SpaceTree<'a> {
             .collect()
     }
 
-    fn visit(&self, part: &[u32], query: Point, best: &mut Option<(f64, u32)>) {
+    fn visit(&self, part: Range<usize>, query: Point, best: &mut Option<(f64, u32)>) {
         let mut offer = |id: u32| {
             let d = vector::sub(self.points[id as usize], query);
             let found = (vector::dot(d, d), id);
@@ -49,15 +58,14 @@ impl<'a> SpaceTree<'a> {
             }
         };
         if part.len() <= LEAF {
-            part.iter().copied().for_each(offer);
+            self.order[part].iter().copied().for_each(offer);
             return;
         }
-        let axis = widest_axis(self.points, part);
-        let middle = part.len() / 2;
-        offer(part[middle]);
-        let at = self.points[part[middle] as usize][axis];
-        let (low, high) = (&part[..middle], &part[middle + 1..]);
-        let offset = query[axis] - at;
+        let middle = part.start + part.len() / 2;
+        let (dividing, axis) = (self.order[middle], usize::from(self.axes[middle]));
+        offer(dividing);
+        let offset = query[axis] - self.points[dividing as usize][axis];
+        let (low, high) = (part.start..middle, middle + 1..part.end);
         let (near, far) = if offset < 0.0 {
             (low, high)
         } else {
@@ -70,7 +78,7 @@ impl<'a> SpaceTree<'a> {
     }
 }
 
-fn split(points: &[Point], part: &mut [u32]) {
+fn split(points: &[Point], part: &mut [u32], axes: &mut [u8]) {
     if part.len() <= LEAF {
         return;
     }
@@ -80,10 +88,12 @@ fn split(points: &[Point], part: &mut [u32]) {
         let key = |v: u32| points[v as usize][axis];
         key(a).total_cmp(&key(b)).then(a.cmp(&b))
     });
+    axes[middle] = axis as u8;
     // The middle stays where it is: the search reads the dividing plane from it.
     let (low, high) = part.split_at_mut(middle);
-    split(points, low);
-    split(points, &mut high[1..]);
+    let (low_axes, high_axes) = axes.split_at_mut(middle);
+    split(points, low, low_axes);
+    split(points, &mut high[1..], &mut high_axes[1..]);
 }
 
 fn widest_axis(points: &[Point], part: &[u32]) -> usize {
