@@ -19,10 +19,11 @@ pub const UV_ROUNDING: f64 = 1e-5;
 /// each has found its own place for a corner beyond a seam.
 const AGREEMENT: f64 = 0.25;
 
-/// Side of the grid on which overlaps are counted, and how often over all its texels may be looked at:
-/// where triangles lie over one another more than that, a coarser grid shows it as well.
-const OVERLAP_GRID: usize = 1024;
-const OVERLAP_LAYERS: f64 = 16.0;
+/// Texels a unit of the grid on which overlaps are counted, and for how many units of UV texels may be
+/// kept or looked at: where a layout goes further or lies over itself more often than that, a coarser
+/// grid shows it as well.
+const OVERLAP_GRID: f64 = 1024.0;
+const OVERLAP_UNITS: f64 = 16.0;
 
 /// A UV map on the target.
 #[derive(Debug)]
@@ -159,7 +160,8 @@ pub struct LayoutReport {
     pub stretch: f64,
     /// Share of the triangles wound against most others.
     pub flipped: f64,
-    /// Share of the covered texels of a 1024 × 1024 grid that more than one triangle covers.
+    /// Share of the covered texels of a grid, 1024 × 1024 to a unit of UV, that more than one triangle
+    /// covers; coarser where the layout goes over more than 16 units.
     pub overlap: f64,
 }
 
@@ -227,31 +229,35 @@ fn singular_values(corner: &[Point; 3], uv: &[[f64; 2]; 3], unit: f64) -> Option
 
 /// Share of covered texels that are covered twice; a texel is covered where its centre is.
 fn overlap(uv: &[[[f64; 2]; 3]]) -> f64 {
-    let layers: f64 = uv.iter().map(looked_at).sum();
-    let coarser = (OVERLAP_LAYERS / layers.max(OVERLAP_LAYERS)).sqrt();
-    let grid = (OVERLAP_GRID as f64 * coarser).ceil() as usize;
-    let mut counts = vec![0u8; grid * grid];
-    for triangle in uv {
-        let range = 0..grid as i64;
-        let texels = triangle.map(|c| c.map(|x| x * grid as f64));
-        // Tiles beyond the unit square lie apart: they are not counted.
-        scan_rows(texels, range.clone(), range, |x, y, _| {
-            let count = &mut counts[y as usize * grid + x as usize];
+    let finite = |t: &&[[f64; 2]; 3]| t.as_flattened().iter().all(|x| x.is_finite());
+    let (mut low, mut high) = ([f64::INFINITY; 2], [f64::NEG_INFINITY; 2]);
+    let mut looked_at = 0.0;
+    for triangle in uv.iter().filter(finite) {
+        let [(left, right), (bottom, top)] = [0, 1].map(|k| {
+            let [a, b, c] = triangle.map(|corner| corner[k]);
+            (a.min(b).min(c), a.max(b).max(c))
+        });
+        low = [low[0].min(left.floor()), low[1].min(bottom.floor())];
+        high = [high[0].max(right.ceil()), high[1].max(top.ceil())];
+        looked_at += (right - left) * (top - bottom);
+    }
+    // Whole units, one at least, so that all in one tile is counted as on its image.
+    let size = [0, 1].map(|k| (high[k] - low[k]).max(1.0));
+    let units = looked_at.max(size[0] * size[1]).max(OVERLAP_UNITS);
+    let most = OVERLAP_UNITS * OVERLAP_GRID * OVERLAP_GRID;
+    let grid = (most / units).sqrt().min(most / size[0].max(size[1]));
+    let [columns, rows] = size.map(|x| (x * grid).ceil() as usize);
+    let mut counts = vec![0u8; columns * rows];
+    for triangle in uv.iter().filter(finite) {
+        let texels = triangle.map(|c| [0, 1].map(|k| (c[k] - low[k]) * grid));
+        scan_rows(texels, 0..rows as i64, 0..columns as i64, |x, y, _| {
+            let count = &mut counts[y as usize * columns + x as usize];
             *count = count.saturating_add(1);
         });
     }
     let covered = counts.iter().filter(|&&c| c > 0).count();
     let twice = counts.iter().filter(|&&c| c > 1).count();
     twice as f64 / covered.max(1) as f64
-}
-
-/// Area of the part of the unit square that is looked at for a triangle: its bounds.
-fn looked_at(triangle: &[[f64; 2]; 3]) -> f64 {
-    let length = |k: usize| {
-        let at = triangle.map(|corner| corner[k].clamp(0.0, 1.0));
-        at[0].max(at[1]).max(at[2]) - at[0].min(at[1]).min(at[2])
-    };
-    length(0) * length(1)
 }
 
 /// Visits the pixels of some rows and columns whose centres lie in a triangle, with the weights of
@@ -338,6 +344,12 @@ mod tests {
         assert_eq!(overlap(&[half, half]), 1.0);
         // Every face on the whole square, as a new layout has it.
         assert_eq!(overlap(&vec![half; 300_000]), 1.0);
+        // The same in any tile, and from tile to tile nothing lies over one another.
+        for tile in [[1.0, 0.0], [-3.0, 7.0], [0.0, 2000.0]] {
+            let moved = half.map(|c| [c[0] + tile[0], c[1] + tile[1]]);
+            assert_eq!(overlap(&[moved, moved]), 1.0);
+            assert_eq!(overlap(&[half, moved]), 0.0);
+        }
     }
 
     /// A band of squares two to a unit, cut into triangles; `shift` moves its inner columns.
