@@ -24,15 +24,15 @@ def prepare(route, wanted, _options):
     chosen = [place for place, slot in enumerate(slots) if _name(slot, place) in wanted]
 
     def write():
-        materials = route.target.data.materials
+        # Looked for among what the object shows: a slot may be linked to it instead of to its mesh.
+        shown = route.target.material_slots
         own = np.empty(len(label), np.int32)
         route.target.data.polygons.foreach_get("material_index", own)
         for place in chosen:
             material = slots[place].material
-            at = materials.find(material.name) if material else -1
-            if at < 0:
-                materials.append(material)
-                at = len(materials) - 1
+            at = next((at for at, held in enumerate(shown) if held.material == material), len(shown))
+            if at == len(shown):
+                route.target.data.materials.append(material)
             own[label == place] = at
         route.target.data.polygons.foreach_set("material_index", own)
 
