@@ -30,27 +30,75 @@ VALUE_LAYOUT = {
 
 
 def read_attribute(attribute):
-    """Values of an attribute: (elements,) or (elements, numbers). Colours are linear in both colour types."""
+    """Values of an attribute: (elements,) or (elements, numbers). Colours are linear in both colour types.
+
+    Texts are bytes in an array of objects.
+    """
+    if attribute.data_type == "STRING":
+        return np.array([entry.value for entry in attribute.data], object)
     name, numbers, kind = VALUE_LAYOUT[attribute.data_type]
     values = np.empty(len(attribute.data) * numbers, kind)
     attribute.data.foreach_get(name, values)
     return values if numbers == 1 else values.reshape(-1, numbers)
 
 
+# What an attribute is for an artist, by the list in which Blender shows it.
+UV_MAP, COLOUR, PLAIN = "a UV map", "a color attribute", "an attribute"
+
+
+def sort_of(data_type, domain):
+    """`UV_MAP`, `COLOUR` or `PLAIN`."""
+    if data_type == "FLOAT2" and domain == "CORNER":
+        return UV_MAP
+    if data_type in {"FLOAT_COLOR", "BYTE_COLOR"} and domain in {"POINT", "CORNER"}:
+        return COLOUR
+    return PLAIN
+
+
+def check_name(obj, name, data_type, domain):
+    """Raise `UnusableObjectError` when `write_attribute` would find the name taken on this object.
+
+    Attributes, UV maps, colour attributes and vertex groups share their names; of these only UV maps can be
+    made where there is a vertex group.
+    """
+    attribute, wanted = obj.data.attributes.get(name), sort_of(data_type, domain)
+    _check_sort(obj, attribute, name, data_type, domain)
+    fits = attribute is not None and (attribute.data_type, attribute.domain) == (data_type, domain)
+    if name in obj.vertex_groups and wanted != UV_MAP and not fits:
+        raise _taken(obj, name, "a vertex group", wanted)
+
+
+def _check_sort(owner, attribute, name, data_type, domain):
+    """What is on the mesh by this name may be overwritten, or replaced by one of the same sort."""
+    if attribute is None or (attribute.data_type, attribute.domain) == (data_type, domain):
+        return
+    kept, wanted = sort_of(attribute.data_type, attribute.domain), sort_of(data_type, domain)
+    if attribute.is_required or kept != wanted:
+        raise _taken(owner, name, "a built-in attribute" if attribute.is_required else kept, wanted)
+
+
+def _taken(owner, name, kept, wanted):
+    return UnusableObjectError(
+        f"'{owner.name}' has {kept} named '{name}' and cannot get {wanted} of the same name. "
+        "Rename it and try again"
+    )
+
+
 def write_attribute(mesh, name, data_type, domain, values):
-    """Create or overwrite the attribute `name`; one of another type or domain is replaced."""
+    """Create or overwrite the attribute `name`; one of its sort but another type or domain is replaced."""
     attribute = mesh.attributes.get(name)
+    _check_sort(mesh, attribute, name, data_type, domain)
     if attribute is not None and (attribute.data_type, attribute.domain) != (data_type, domain):
-        if attribute.is_required:
-            raise UnusableObjectError(
-                f"'{name}' is a built-in attribute of '{mesh.name}' and cannot be replaced"
-            )
         mesh.attributes.remove(attribute)
         attribute = None
     if attribute is None:
         attribute = mesh.attributes.new(name, data_type, domain)
     if attribute is None or attribute.name != name:
-        raise UnusableObjectError(f"'{mesh.name}' has a vertex group named '{name}'. Rename it and try again")
+        raise _taken(mesh, name, "a vertex group", sort_of(data_type, domain))
+    if data_type == "STRING":
+        for entry, value in zip(attribute.data, values, strict=True):
+            entry.value = value
+        return
     value_name, _, kind = VALUE_LAYOUT[data_type]
     attribute.data.foreach_set(value_name, np.ascontiguousarray(values, kind).ravel())
 

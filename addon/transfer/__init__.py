@@ -3,6 +3,7 @@
 
 from bpy.props import BoolProperty
 
+from ..mesh_read import UnusableObjectError
 from . import (
     armatures,
     attributes,
@@ -84,6 +85,7 @@ def carry_all(target, options, chosen):
     wanted = {
         kind.identifier: [name for name in kind.names(route.source) if chosen(kind, name)] for kind in KINDS
     }
+    _check_twins(route, wanted)
     with seam_splits.split(route, wanted[uv_maps.KIND.identifier], options) as (route, notes):
         prepared = [
             kind.prepare(route, wanted[kind.identifier], options) for kind in KINDS if wanted[kind.identifier]
@@ -92,3 +94,17 @@ def carry_all(target, options, chosen):
         part.write()
     target.data.update()
     return notes + [note for part in prepared for note in part.notes]
+
+
+def _check_twins(route, wanted):
+    """Raise `UnusableObjectError` for a vertex group and an attribute of one name.
+
+    Blender makes the group beside the attribute, but no attribute beside the group, which is written first.
+    """
+    layers = wanted[colours.KIND.identifier] + wanted[attributes.KIND.identifier]
+    for name in wanted[vertex_groups.KIND.identifier]:
+        if name in layers and name not in route.target.data.attributes:
+            raise UnusableObjectError(
+                f"'{route.source.name}' has both a vertex group and an attribute named '{name}', which "
+                f"'{route.target.name}' cannot get at once. Rename one of the two"
+            )

@@ -4,7 +4,7 @@
 import numpy as np
 
 from .. import mesh_read
-from ..mesh_write import OURS, VALUE_LAYOUT, read_attribute, write_attribute
+from ..mesh_write import OURS, PLAIN, VALUE_LAYOUT, check_name, read_attribute, sort_of, write_attribute
 from .kind import Kind, Prepared
 
 # Attributes that are carried by another kind, or are the mesh itself.
@@ -13,9 +13,9 @@ BUILT_IN = frozenset(
     "bevel_weight_vert freestyle_edge freestyle_face shade_smooth custom_normal id".split()
 )
 # A mixture of two of these is neither; they come from one place.
-DISCRETE = frozenset(("INT", "INT8", "BOOLEAN", "INT16_2D", "INT32_2D"))
-# Edge data that is zero on most edges is a set of curves.
-MARKED_SHARE = 0.5
+DISCRETE = frozenset(("INT", "INT8", "BOOLEAN", "INT16_2D", "INT32_2D", "STRING"))
+# Marks of edges are curves, however many there are; other numbers of edges are not.
+CURVES = frozenset("uv_seam sharp_edge crease_edge bevel_weight_edge freestyle_edge".split())
 
 
 def names(source):
@@ -25,13 +25,15 @@ def names(source):
 def _is_plain(layer):
     if layer.is_required or layer.is_internal or layer.name.startswith((OURS, ".")) or layer.name in BUILT_IN:
         return False
-    is_colour = layer.data_type in ("FLOAT_COLOR", "BYTE_COLOR") and layer.domain in ("POINT", "CORNER")
-    is_uv = layer.data_type == "FLOAT2" and layer.domain == "CORNER"
-    return layer.data_type in VALUE_LAYOUT and not is_colour and not is_uv
+    known = layer.data_type in VALUE_LAYOUT or layer.data_type == "STRING"
+    return known and sort_of(layer.data_type, layer.domain) == PLAIN
 
 
 def prepare(route, wanted, _options):
-    carried = [_carry(route, route.source.data.attributes[name]) for name in wanted]
+    layers = [route.source.data.attributes[name] for name in wanted]
+    for layer in layers:
+        check_name(route.target, layer.name, layer.data_type, layer.domain)
+    carried = [(layer.name, layer.data_type, layer.domain, _carry(route, layer)) for layer in layers]
 
     def write():
         for layer in carried:
@@ -41,18 +43,35 @@ def prepare(route, wanted, _options):
 
 
 def _carry(route, layer):
-    """An attribute for the target: name, type, domain, values."""
+    """Values of an attribute for the target."""
     values = read_attribute(layer)
-    discrete = layer.data_type in DISCRETE
+    if layer.name in CURVES and layer.domain == "EDGE":
+        edges = mesh_read.edges(route.source.data), mesh_read.edges(route.target.data)
+        return route.map.marks(edges[0], values, edges[1])
+    carry = CARRIERS[layer.domain]
+    if layer.data_type in DISCRETE:
+        kinds, label = np.unique(values, axis=0 if values.ndim > 1 else None, return_inverse=True)
+        return kinds[np.rint(carry(route, label.reshape(-1, 1), True)[:, 0]).astype(int)]
     table = values.reshape(len(values), -1).astype(np.float64)
-    carried = CARRIERS[layer.domain](route, table, discrete)
+    carried = carry(route, table, False)
     if layer.data_type == "QUATERNION":
-        length = np.linalg.norm(carried, axis=1, keepdims=True)
-        nothing = np.tile([1.0, 0.0, 0.0, 0.0], (len(carried), 1))
-        carried = np.divide(carried, length, out=nothing, where=length > 0.0)
-    if discrete:
-        carried = np.rint(carried)
-    return layer.name, layer.data_type, layer.domain, carried.reshape(len(carried), *values.shape[1:])
+        carried = _rotations(carried, carry(route, _products(table), False))
+    return carried.reshape(len(carried), *values.shape[1:])
+
+
+def _products(quaternions):
+    """q qᵀ for each, (n, 16): the same for q and -q, which are one rotation."""
+    length = np.linalg.norm(quaternions, axis=1, keepdims=True)
+    unit = np.divide(quaternions, length, out=np.zeros_like(quaternions), where=length > 0.0)
+    return (unit[:, :, None] * unit[:, None, :]).reshape(-1, 16)
+
+
+def _rotations(mixed, products):
+    """Mean rotations from mean products: their main axes, with the sign of the mixed numbers."""
+    axes = np.linalg.eigh(products.reshape(-1, 4, 4))[1][:, :, -1]
+    axes[np.einsum("ij,ij->i", axes, mixed) < 0.0] *= -1.0
+    axes[~products.any(axis=1)] = (1.0, 0.0, 0.0, 0.0)
+    return axes
 
 
 def _points(route, table, discrete):
@@ -64,25 +83,14 @@ def _corners(route, table, discrete):
 
 
 def _faces(route, table, discrete):
-    if not discrete:
-        return route.map.face_means(*route.faces, table[route.triangle_faces])
-    kinds, label = np.unique(table, axis=0, return_inverse=True)
-    return kinds[route.map.face_labels(*route.faces, label.reshape(-1)[route.triangle_faces])]
+    if discrete:
+        return route.map.face_labels(*route.faces, table[route.triangle_faces, 0])[:, None]
+    return route.map.face_means(*route.faces, table[route.triangle_faces])
 
 
-def _edges(route, table, discrete):
-    source, target = mesh_read.edges(route.source.data), mesh_read.edges(route.target.data)
-    marked = (table > 0.0).mean() < MARKED_SHARE and (table >= 0.0).all()
-    if discrete or marked:
-        columns = [route.map.marks(source, column, target) for column in table.T]
-        return np.stack(columns, axis=1)
-    # Numbers on all edges are no curves: by way of the vertices.
-    count = len(route.source.data.vertices)
-    total = np.zeros((count, table.shape[1]))
-    for k in range(2):
-        np.add.at(total, source[:, k], table)
-    around = np.bincount(source.ravel(), minlength=count)[:, None]
-    return route.to_points(total / np.maximum(around, 1))[target].mean(axis=1)
+def _edges(route, table, _discrete):
+    edges = mesh_read.edges(route.source.data), mesh_read.edges(route.target.data)
+    return table[route.map.nearest_edges(*edges)]
 
 
 CARRIERS = {"POINT": _points, "CORNER": _corners, "FACE": _faces, "EDGE": _edges}

@@ -3,7 +3,7 @@
 
 import numpy as np
 
-from ..mesh_write import OURS, read_attribute, write_attribute
+from ..mesh_write import OURS, check_name, read_attribute, write_attribute
 from .kind import Kind, Prepared
 
 
@@ -16,12 +16,13 @@ def prepare(route, wanted, _options):
     carried = []
     for name in wanted:
         layer = source.color_attributes[name]
+        check_name(route.target, name, layer.data_type, layer.domain)
         values = read_attribute(layer).astype(np.float64)
         if layer.domain == "POINT":
             values = route.to_points(values)
         else:
             values = route.map.corner_values(*route.faces, values[route.triangle_corners])
-        carried.append((name, layer.data_type, layer.domain, np.clip(values, 0.0, None)))
+        carried.append((name, layer.data_type, layer.domain, values))
     return Prepared(lambda: _write(route, wanted, carried))
 
 

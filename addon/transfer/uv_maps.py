@@ -8,10 +8,11 @@ from bpy.props import BoolProperty
 
 from .. import core
 from ..mesh_read import UnusableObjectError
-from ..mesh_write import write_attribute
+from ..mesh_write import check_name, write_attribute
 from .kind import Kind, Prepared
 
 MOST_UV_MAPS = 8
+SEAMS = "uv_seam"
 # Worse than the source's by more than this is said: stretch as a factor, shares of area as a difference.
 STRETCH_ROOM, SHARE_ROOM = 1.25, 0.02
 
@@ -22,6 +23,10 @@ def names(source):
 
 def prepare(route, wanted, options):
     source, target = route.source.data, route.target.data
+    for name in wanted:
+        check_name(route.target, name, "FLOAT2", "CORNER")
+    if options.mark_seams:
+        check_name(route.target, SEAMS, "BOOLEAN", "EDGE")
     room = MOST_UV_MAPS - len(target.uv_layers)
     if sum(name not in target.uv_layers for name in wanted) > room:
         raise UnusableObjectError(

@@ -120,11 +120,50 @@ def test_marks_come_back_on_a_copy(copies):
     write_attribute(source.data, "uv_seam", "BOOLEAN", "EDGE", seam)
     write_attribute(source.data, "crease_edge", "FLOAT", "EDGE", crease)
     transfer(source, target, kinds="marks")
-    place = {tuple(sorted(pair)): i for i, pair in enumerate(edges.tolist())}
-    same = [place[tuple(sorted(pair))] for pair in old[mesh_read.edges(target.data)].tolist()]
+    same = same_edges(source, target, old)
     assert seam.sum() > 20
     np.testing.assert_array_equal(read_attribute(target.data.attributes["uv_seam"]), seam[same])
     np.testing.assert_allclose(read_attribute(target.data.attributes["crease_edge"]), crease[same], atol=1e-6)
+
+
+def same_edges(source, target, old):
+    """The source's edge of each edge of its renumbered copy."""
+    place = {tuple(sorted(pair)): i for i, pair in enumerate(mesh_read.edges(source.data).tolist())}
+    return [place[tuple(sorted(pair))] for pair in old[mesh_read.edges(target.data)].tolist()]
+
+
+def test_creases_of_most_edges_come_back_on_a_copy(copies):
+    source, target, old, _ = copies
+    rng = np.random.default_rng(7)
+    crease = (rng.random(len(source.data.edges)) < 0.6) * rng.random(len(source.data.edges))
+    write_attribute(source.data, "crease_edge", "FLOAT", "EDGE", crease)
+    transfer(source, target, kinds="marks")
+    np.testing.assert_allclose(
+        read_attribute(target.data.attributes["crease_edge"]),
+        crease[same_edges(source, target, old)],
+        atol=1e-6,
+    )
+
+
+def test_numbers_of_edges_come_from_edges_that_run_alike(scene):
+    """Not every edge of a finer mesh follows one of the source's, and yet none is without a number."""
+    source, target = new_object("Source", *lumpy(8)), new_object("Target", *lumpy(13))
+    store_nearest(source, target)
+
+    def middles(obj):
+        return mesh_read.positions(obj.data)[mesh_read.edges(obj.data)].mean(axis=1)
+
+    number = np.where(middles(source)[:, 2] > 0.0, 2, -1)
+    write_attribute(source.data, "number", "INT", "EDGE", number)
+    transfer(source, target, kinds="attributes")
+    carried = read_attribute(target.data.attributes["number"])
+    assert set(carried.tolist()) == {-1, 2}
+    ends = mesh_read.positions(source.data)[mesh_read.edges(source.data)]
+    longest = np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max()
+    height = middles(target)[:, 2]
+    sure = np.abs(height) > longest
+    assert sure.sum() > 1000
+    np.testing.assert_array_equal(carried[sure], np.where(height[sure] > 0.0, 2, -1))
 
 
 def test_a_closed_seam_stays_closed_on_another_mesh(scene):
@@ -151,6 +190,10 @@ def test_materials_and_attributes_come_back_on_a_copy(copies):
         mesh.materials.append(bpy.data.materials.new(name))
     target.data.materials.append(bpy.data.materials.new("Own"))
     faces = len(mesh.polygons)
+
+    def words(count):
+        return np.array([f"ä{number}".encode() for number in rng.integers(0, 3, count)], object)
+
     index = rng.integers(0, 2, faces).astype(np.int32)
     mesh.polygons.foreach_set("material_index", index)
     given = {
@@ -161,7 +204,13 @@ def test_materials_and_attributes_come_back_on_a_copy(copies):
         ("number", "FLOAT", "FACE"): rng.normal(size=faces),
         ("corner", "FLOAT", "CORNER"): np.repeat(rng.normal(size=faces), 4),
         ("count", "INT", "CORNER"): np.repeat(rng.integers(0, 9, faces), 4),
-        ("along", "FLOAT", "EDGE"): np.full(len(mesh.edges), 0.25),
+        ("along", "FLOAT", "EDGE"): rng.normal(size=len(mesh.edges)),
+        ("below", "INT", "EDGE"): rng.integers(-5, 5, len(mesh.edges)),
+        ("part", "BOOLEAN", "EDGE"): rng.random(len(mesh.edges)) < 0.7,
+        ("bone", "STRING", "POINT"): words(len(mesh.vertices)),
+        ("side", "STRING", "EDGE"): words(len(mesh.edges)),
+        ("zone", "STRING", "FACE"): words(faces),
+        ("piece", "STRING", "CORNER"): np.repeat(words(faces), 4),
     }
     for layer, values in given.items():
         write_attribute(mesh, *layer, values)
@@ -172,12 +221,120 @@ def test_materials_and_attributes_come_back_on_a_copy(copies):
     np.testing.assert_array_equal(
         [face.material_index for face in target.data.polygons], index[same_face] + 1
     )
+    same = {
+        "POINT": old,
+        "EDGE": same_edges(source, target, old),
+        "FACE": same_face,
+        "CORNER": np.repeat(np.array(same_face) * 4, 4),
+    }
     for (name, kind, domain), values in given.items():
         carried = target.data.attributes[name]
         assert (carried.data_type, carried.domain) == (kind, domain)
-        same = {"POINT": old, "FACE": same_face, "CORNER": np.repeat(np.array(same_face) * 4, 4)}.get(domain)
-        expected = values[same] if same is not None else values
-        np.testing.assert_allclose(read_attribute(carried), expected.astype(np.float32), rtol=1e-6, atol=1e-7)
+        expected = values[same[domain]]
+        if kind == "STRING":
+            np.testing.assert_array_equal(read_attribute(carried), expected)
+        else:
+            np.testing.assert_allclose(
+                read_attribute(carried), expected.astype(np.float32), rtol=1e-6, atol=1e-7
+            )
+
+
+@pytest.mark.parametrize("domain", ["POINT", "FACE", "CORNER"])
+def test_rotations_are_mixed_whatever_their_signs(scene, domain):
+    """Minus a quaternion is the same rotation: a field comes across the same with signs at random."""
+    source, target = new_object("Source", *lumpy(8)), new_object("Target", *lumpy(13))
+    store_nearest(source, target)
+    mesh = source.data
+    points = mesh_read.positions(mesh)
+    corners = mesh_read.corner_vertices(mesh)
+    points = {"POINT": points, "CORNER": points[corners], "FACE": points[corners].reshape(-1, 4, 3)[:, 0]}
+    # Half turns and more and less, so that no number keeps its sign.
+    angle = np.pi / 2 + points[domain][:, 2] / 2
+    field = np.stack([np.cos(angle), np.sin(angle), 0 * angle, 0 * angle], axis=1)
+    rng = np.random.default_rng(8)
+    write_attribute(mesh, "plain", "QUATERNION", domain, field)
+    write_attribute(mesh, "mixed", "QUATERNION", domain, field * rng.choice([-1, 1], len(field))[:, None])
+    transfer(source, target, kinds="attributes")
+    plain, mixed = (read_attribute(target.data.attributes[name]) for name in ("plain", "mixed"))
+    np.testing.assert_allclose(np.abs((plain * mixed).sum(axis=1)), 1.0, atol=1e-6)
+    assert (plain[:, 1] > 0.0).all()
+
+
+def state(obj):
+    return (
+        {(layer.name, layer.data_type, layer.domain) for layer in obj.data.attributes},
+        [group.name for group in obj.vertex_groups],
+        [slot.material for slot in obj.material_slots],
+    )
+
+
+GIVEN = {
+    "group": lambda obj: obj.vertex_groups.new(name="Dirt"),
+    "attribute": lambda obj: obj.data.attributes.new("Dirt", "FLOAT", "POINT"),
+    "uv": lambda obj: obj.data.uv_layers.new(name="Dirt"),
+    "colour": lambda obj: obj.data.color_attributes.new("Dirt", "FLOAT_COLOR", "CORNER"),
+}
+
+
+@pytest.mark.parametrize(
+    ("given", "own"),
+    [
+        (["attribute"], "group"),
+        (["attribute"], "uv"),
+        (["attribute"], "colour"),
+        (["colour"], "group"),
+        (["colour"], "uv"),
+        (["uv"], "attribute"),
+        (["uv"], "colour"),
+        (["attribute", "group"], None),
+    ],
+)
+def test_a_name_that_is_taken_is_refused_before_anything_is_written(copies, given, own):
+    source, target, _, _ = copies
+    source.vertex_groups.new(name="Bone").add([0], 1.0, "REPLACE")
+    source.data.materials.append(bpy.data.materials.new("Skin"))
+    for name in given:
+        GIVEN[name](source)
+    if own is not None:
+        GIVEN[own](target)
+    before = state(target)
+    with pytest.raises(RuntimeError, match="named 'Dirt'.* Rename"):
+        transfer(source, target)
+    assert state(target) == before
+
+
+def test_attributes_of_one_sort_replace_each_other(copies):
+    source, target, _, _ = copies
+    target.vertex_groups.new(name="UVMap")
+    source.data.uv_layers.new(name="UVMap")
+    source.data.attributes.new("Dirt", "FLOAT", "POINT")
+    target.data.attributes.new("Dirt", "INT", "FACE")
+    transfer(source, target)
+    kept = target.data.attributes["Dirt"]
+    assert (kept.data_type, kept.domain) == ("FLOAT", "POINT")
+    assert [layer.name for layer in target.data.uv_layers] == ["UVMap"]
+
+
+def test_materials_are_found_by_what_the_target_shows(copies, tmp_path):
+    """Nothing piles up; the same name from another file, or hidden by the object's own, is another one."""
+    source, target, _, _ = copies
+    own = bpy.data.materials.new("Skin")
+    bpy.data.libraries.write(str(tmp_path / "other.blend"), {own})
+    with bpy.data.libraries.load(str(tmp_path / "other.blend"), link=True) as (_, linked):
+        linked.materials = ["Skin"]
+    cloth = bpy.data.materials.new("Cloth")
+    given = [linked.materials[0], None, cloth]
+    for material in given:
+        source.data.materials.append(material)
+    source.data.polygons.foreach_set("material_index", np.arange(len(source.data.polygons)) % 3)
+    for material in (own, cloth):
+        target.data.materials.append(material)
+    target.material_slots[1].link = "OBJECT"
+    for _ in range(2):
+        transfer(source, target, kinds="materials")
+        assert [slot.material for slot in target.material_slots] == [own, None, given[0], cloth]
+    shown = {target.material_slots[face.material_index].material for face in target.data.polygons}
+    assert shown == set(given)
 
 
 def photo(side):

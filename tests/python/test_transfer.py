@@ -155,6 +155,20 @@ def test_faces_keep_to_one_island(character):
     assert layout.straddles.any()
 
 
+def test_edges_take_after_the_nearest_that_runs_alike():
+    """A grid, and edges in the middle of its squares: one lies nearer to a border that it crosses."""
+    vertices = np.array([(x, y, 0.0) for y in (0.0, 1.0) for x in (0.0, 1.0, 2.0)])
+    faces = np.array([(0, 1, 3), (1, 4, 3), (1, 2, 4), (2, 5, 4)])
+    edges = np.array([(0, 1), (1, 2), (3, 4), (4, 5), (0, 3), (1, 4), (2, 5)])
+    points = np.array([(0.5, 0.4, 0.0), (1.3, 0.4, 0.0), (0.4, 0.1, 0.0), (0.4, 0.7, 0.0)])
+    source = vertices, faces
+    target = points, np.array([(0, 1, 3), (1, 2, 3)])
+    way = sgmds.SurfaceMap(source, target, *nearest(source, target))
+    np.testing.assert_array_equal(way.nearest_edges(edges, [(0, 1), (2, 3), (1, 1)]), [0, 4, 5])
+    with pytest.raises(sgmds.ArgumentError, match="edge 0 of the target"):
+        way.nearest_edges(edges, [(0, 4)])
+
+
 def test_limited_rows_sum_to_one(character):
     way, old, _, _ = copy_map(character.vertices, character.faces)
     table = character.weights

@@ -263,6 +263,16 @@ class SurfaceMap:
             _array("target_edges", target_edges, np.int64, None, 2),
         )
 
+    def nearest_edges(self, source_edges: ArrayLike, target_edges: ArrayLike) -> Ids:
+        """The source's edge from which each target edge (edges,) takes what is no curve: `values[ids]`.
+
+        It is the nearest to the middle of the edge's image, of those that run like it.
+        """
+        return self._core.nearest_edges(
+            _array("source_edges", source_edges, np.int64, None, 2),
+            _array("target_edges", target_edges, np.int64, None, 2),
+        )
+
     def joints(
         self, positions: ArrayLike, influence: Sequence[tuple[ArrayLike, ArrayLike]] | None = None
     ) -> tuple[Floats, Floats, Floats]:

@@ -358,6 +358,21 @@ impl SurfaceMap {
         Ok(carried.into_pyarray(py))
     }
 
+    /// The source's edge nearest to the image of each target edge.
+    fn nearest_edges<'py>(
+        &self,
+        py: Python<'py>,
+        source_edges: PyReadonlyArray2<'py, i64>,
+        target_edges: PyReadonlyArray2<'py, i64>,
+    ) -> PyResult<Array1<'py, i64>> {
+        let map = Arc::clone(&self.map);
+        let (source_edges, target_edges) = (pairs(&source_edges)?, pairs(&target_edges)?);
+        let found = watched(py, None, None, move |_| {
+            curves::nearest_edges(&map, &source_edges, &target_edges)
+        })?;
+        Ok(whole(found).into_pyarray(py))
+    }
+
     /// The source's joints (j, 3) in the target: position (j, 3), turn (j, 3, 3) and scale (j,).
     fn joints<'py>(
         &self,

@@ -1,4 +1,4 @@
-//! Marks of edges (seams, sharp edges, creases), carried as curves.
+//! Data of edges: marks (seams, sharp edges, creases) as curves, all else from the nearest edge.
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
@@ -8,6 +8,7 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::space_tree::SpaceTree;
+use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
 use crate::vector::{self, Point};
 
@@ -20,6 +21,9 @@ const LONGEST_PIECE: usize = 128;
 
 /// Pieces into which a closed curve is cut at least, so that ends differ.
 const LOOP_PIECES: usize = 3;
+
+/// Cosine of the widest angle between edges that run alike: in a grid, those along and not across.
+const ALIKE: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
 /// A part of a marked curve of the source: positions and the values of its edges.
 struct Piece {
@@ -42,19 +46,7 @@ pub fn carried_marks(
     target_edges: &[[i64; 2]],
 ) -> Result<Vec<f64>> {
     check_rows("values", values.len(), source_edges.len())?;
-    for (name, edges, n) in [
-        ("source", source_edges, map.source.vertices.len()),
-        ("target", target_edges, map.target.vertices.len()),
-    ] {
-        if let Some(edge) = edges
-            .iter()
-            .position(|e| e.iter().any(|&v| v < 0 || v as usize >= n))
-        {
-            return Err(Error::BadArgument {
-                what: format!("edge {edge} of the {name} names a vertex beyond its {n}"),
-            });
-        }
-    }
+    check_edges(map, source_edges, target_edges)?;
     let marked: Vec<([u32; 2], f64)> = source_edges
         .iter()
         .zip(values)
@@ -77,6 +69,65 @@ pub fn carried_marks(
         *at = at.max(value);
     }
     Ok(carried)
+}
+
+/// The edge of the source from which each edge of the target takes its value: the nearest to the
+/// middle of its image, of those that run like it.
+///
+/// # Errors
+/// [`Error::BadArgument`] when an edge names a missing vertex or the source has none.
+pub fn nearest_edges(
+    map: &SurfaceMap,
+    source_edges: &[[i64; 2]],
+    target_edges: &[[i64; 2]],
+) -> Result<Vec<u32>> {
+    check_edges(map, source_edges, target_edges)?;
+    if source_edges.is_empty() {
+        return Err(Error::BadArgument {
+            what: "the source has no edges".to_owned(),
+        });
+    }
+    // Triangles without width: the tree of a surface finds the nearest edge.
+    let flat: Vec<[i64; 3]> = source_edges.iter().map(|&[a, b]| [a, b, b]).collect();
+    let edges = Surface::new(map.source.vertices.clone(), &flat)?;
+    let way = |[a, b, _]: [Point; 3]| vector::normalised(vector::sub(b, a));
+    let images = map.images();
+    Ok(target_edges
+        .par_iter()
+        .map(|edge| {
+            let [a, b] = edge.map(|v| images[v as usize]);
+            let middle = vector::scaled(vector::add(a, b), 0.5);
+            let own = way([a, b, b]);
+            // An edge whose ends have one image runs nowhere.
+            let alike =
+                |e: u32| own == [0.0; 3] || vector::dot(own, way(edges.corners(e))).abs() >= ALIKE;
+            edges
+                .nearest_where(middle, None, alike)
+                .unwrap_or_else(|| edges.nearest(middle))
+                .face
+        })
+        .collect())
+}
+
+fn check_edges(
+    map: &SurfaceMap,
+    source_edges: &[[i64; 2]],
+    target_edges: &[[i64; 2]],
+) -> Result<()> {
+    for (name, edges, n) in [
+        ("source", source_edges, map.source.vertices.len()),
+        ("target", target_edges, map.target.vertices.len()),
+    ] {
+        if let Some(edge) = edges
+            .iter()
+            .position(|e| e.iter().any(|&v| v < 0 || v as usize >= n))
+        {
+            return Err(Error::BadArgument {
+                what: format!("edge {edge} of the {name} names a vertex beyond its {n}"),
+            });
+        }
+    }
+    Ok(())
 }
 
 /// Cuts marked edges into curves between branches and ends, and long or closed ones further.
