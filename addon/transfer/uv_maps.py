@@ -101,7 +101,9 @@ def _write(source, target, carried, seams):
         if layer.active_render and layer.name in carried:
             target.uv_layers[layer.name].active_render = True
     if seams is not None:
-        write_attribute(target, "uv_seam", "BOOLEAN", "EDGE", seams)
+        marked = np.empty(len(seams), bool)
+        target.edges.foreach_get("use_seam", marked)
+        write_attribute(target, SEAMS, "BOOLEAN", "EDGE", seams | marked)
 
 
 KIND = Kind(
@@ -115,7 +117,8 @@ KIND = Kind(
         "mark_seams": BoolProperty(
             name="Mark Seams",
             default=True,
-            description="Mark the target's edges as seams where the carried UV map is cut",
+            description="Mark the target's edges as seams where the carried UV map is cut. Those that are "
+            "seams already stay seams",
         ),
         "split_seams": BoolProperty(
             name="Split Faces at Seams",

@@ -96,6 +96,31 @@ def test_uv_comes_back_on_a_copy_seams_and_poles_included(scene):
     np.testing.assert_allclose(uv_of(target), uv_of(source), atol=1e-5)
 
 
+def test_seams_stay_beside_the_cuts_of_a_layout(scene):
+    """Those of the target, or in their place those carried from the source, that cut nothing."""
+    source = ball("Source", 24, 12)
+    target = without_data(source, "Target")
+    store_identity(source, target)
+
+    def seams(obj):
+        values = np.empty(len(obj.data.edges), bool)
+        obj.data.edges.foreach_get("use_seam", values)
+        return values
+
+    transfer(source, target, kinds="uv")
+    cuts = seams(target)
+    # Along the meridian, of 12 edges, and at each pole, where every face has a UV of its own.
+    assert 10 <= cuts.sum() < 0.2 * len(cuts)
+    given, own = np.random.default_rng(9).random((2, len(cuts))) < 0.2
+    source.data.edges.foreach_set("use_seam", given)
+    target.data.edges.foreach_set("use_seam", own)
+    transfer(source, target, kinds="uv")
+    np.testing.assert_array_equal(seams(target), own | cuts)
+    for _ in range(2):
+        transfer(source, target, kinds="marks,uv")
+        np.testing.assert_array_equal(seams(target), given | cuts)
+
+
 def test_no_face_spans_a_seam_of_another_mesh(scene):
     """Around the ball u runs once from 0 to 1: a smeared face would be wide in u, whichever way it is cut."""
     source, target = ball("Source", 48, 24), ball("Target", 31, 17)
