@@ -11,6 +11,7 @@ import numpy as np
 from .. import landmarks, mesh_read, mesh_write, stored_match
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import read_attribute, write_attribute
+from .normals import corner_normals
 from .route import Route
 from .uv_maps import read_uv
 
@@ -93,7 +94,7 @@ def _restore(mesh, before):
 
 def _apply(route, cuts):
     mesh = route.target.data
-    normals = _corner_normals(mesh)
+    normals = corner_normals(mesh) if mesh.has_custom_normals else None
     edited = bmesh.new()
     try:
         edited.from_mesh(mesh)
@@ -114,14 +115,6 @@ def _apply(route, cuts):
         mesh.normals_split_custom_set(read_attribute(kept).tolist())
         mesh.attributes.remove(mesh.attributes[NORMALS])
     _extend_match(route, cuts, number)
-
-
-def _corner_normals(mesh):
-    if not mesh.has_custom_normals:
-        return None
-    values = np.empty(len(mesh.loops) * 3, np.float32)
-    mesh.corner_normals.foreach_get("vector", values)
-    return values.reshape(-1, 3)
 
 
 def _cut(edited, cuts):

@@ -242,7 +242,7 @@ def test_scripts_name_the_kinds(scene):
     target = without_data(source, "Target")
     store_identity(source, target)
     choose(source, target)
-    with pytest.raises(RuntimeError, match="There are: groups, keys, marks, uv"):
+    with pytest.raises(RuntimeError, match="There are: groups, keys, marks, normals, uv"):
         bpy.ops.spectral_match.transfer(kinds="hair")
     transfer(source, target, kinds="uv")
     assert target.data.uv_layers and not target.vertex_groups

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Custom normals, turned as the map turns the surface around each vertex."""
+
+import numpy as np
+
+from .kind import Kind, Prepared
+
+
+def names(source):
+    return ["Custom Normals"] if source.data.has_custom_normals else []
+
+
+def prepare(route, _wanted, _options):
+    given = corner_normals(route.source.data).astype(np.float64)
+    carried = route.map.corner_values(*route.faces, given[route.triangle_corners])
+    turn, _ = route.map.frames
+    carried = np.einsum("cij,cj->ci", turn[route.faces[1]], carried)
+    # Blender wants unit length; where opposite ones cancel out, zero stands for the surface's own normal.
+    length = np.linalg.norm(carried, axis=1, keepdims=True)
+    carried = np.divide(carried, length, out=np.zeros_like(carried), where=length > 0.0)
+    return Prepared(lambda: _write(route.target.data, carried))
+
+
+def _write(mesh, normals):
+    # Those of another domain would stay, unseen by what Blender then sets.
+    own = mesh.attributes.get("custom_normal")
+    if own is not None:
+        mesh.attributes.remove(own)
+    mesh.normals_split_custom_set(normals.tolist())
+
+
+def corner_normals(mesh):
+    """Normal of every face corner as shown, (corners, 3) float32."""
+    values = np.empty(len(mesh.loops) * 3, np.float32)
+    mesh.corner_normals.foreach_get("vector", values)
+    return values.reshape(-1, 3)
+
+
+KIND = Kind(
+    "normals",
+    "Custom Normals",
+    "NORMALS_VERTEX_FACE",
+    "Carry custom normals, which replace those of the target. Edges between which they differ become sharp",
+    names,
+    prepare,
+    default=False,
+)
