@@ -249,6 +249,10 @@ def test_what_does_not_fit_is_refused_in_words(character):
         way.displacements(np.zeros((3, 3)))
     with pytest.raises(sgmds.ArgumentError, match="8192"):
         way.bake(character.uv, character.uv, np.zeros((4, 4, 4)), 9000, 4)
+    with pytest.raises(sgmds.ArgumentError, match="extension"):
+        way.bake(character.uv, character.uv, np.zeros((4, 4, 4)), 4, 4, extension="wrap")
+    with pytest.raises(sgmds.ArgumentError, match="target_triangles"):
+        way.bake(character.uv, character.uv, np.zeros((4, 4, 4)), 4, 4, target_triangles=[True])
 
 
 def grid(count, turn=0.0):
@@ -261,6 +265,23 @@ def grid(count, turn=0.0):
         part.ravel() for part in (number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:])
     )
     return np.pad(flat, ((0, 0), (0, 1))), np.concatenate([np.stack([a, b, c], 1), np.stack([a, c, d], 1)])
+
+
+def test_tiles_are_baked_where_they_lie_and_only_where_they_are_used():
+    """A square over two tiles, each of one colour, baked onto the one square of its copy."""
+    mesh = grid(8)
+    square = mesh[0][mesh[1]][..., :2] * 0.5 + 0.5
+    way = sgmds.SurfaceMap(mesh, mesh, *nearest(mesh, mesh))
+    tiles = {(0, 0): np.full((2, 2, 4), 0.25), (1, 0): np.ones((4, 4, 4))}
+    baked = way.bake(square * (2.0, 1.0), square, tiles, 32, 32)[..., 0]
+    expected = np.tile(np.repeat([0.25, 1.0], 16), (32, 1))
+    np.testing.assert_array_equal(baked, expected)
+    left = square[..., 0].mean(axis=1) < 0.5
+    half = way.bake(square * (2.0, 1.0), square, tiles, 32, 32, margin=0, target_triangles=left)[..., 0]
+    np.testing.assert_array_equal(half, np.where(np.arange(32) < 16, expected, 0.0))
+    # Looked up on the left half alone, the right half shows the place nearest to it.
+    near = way.bake(square * (2.0, 1.0), square, tiles, 32, 32, source_triangles=left)[..., 0]
+    np.testing.assert_array_equal(near, np.full((32, 32), 0.25))
 
 
 def test_seams_cut_the_faces_that_they_cross():

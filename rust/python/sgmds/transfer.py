@@ -4,7 +4,7 @@
 they are, in their own units and with all their parts.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -310,22 +310,33 @@ class SurfaceMap:
         self,
         source_uv: ArrayLike,
         target_uv: ArrayLike,
-        image: ArrayLike,
+        image: ArrayLike | Mapping[tuple[int, int], ArrayLike],
         width: int,
         height: int,
         *,
         margin: int = 16,
         straight_alpha: bool = True,
+        extension: str = "repeat",
+        closest: bool = False,
+        source_triangles: ArrayLike | None = None,
+        target_triangles: ArrayLike | None = None,
         tangent_frames: Sequence[ArrayLike] | None = None,
         progress: Progress | None = None,
     ) -> NDArray[np.float32]:
         """A texture of the source baked into the target's own layout: (height, width, 4) float32.
 
         UVs are given at the corners of the triangles, (m, 3, 2) each; the image (h, w, 4) has its rows from
-        the bottom. Numbers come through in the colour space in which they are. `margin` texels extend the
-        islands. For a tangent-space normal map give `tangent_frames`: normals (m_source, 3, 3) and tangents
-        (m_source, 3, 4) of the source's triangle corners, then those of the target's; the tangent's fourth
-        number is the sign of the bitangent. `progress` is as in `match`.
+        the bottom. Tiles are given as a mapping of (column, row), the unit of UV over which each lies, to
+        images of any size; a place outside of all shows the nearest. `extension` says what shows beyond an
+        image's borders: "repeat", "mirror", "extend" or "clip". `closest` takes the nearest texel instead of
+        filtering. Numbers come through in the colour space in which they are; with `straight_alpha` colours
+        count by their alpha in a mixture. `margin` texels extend the islands.
+
+        `source_triangles` (m_source,) and `target_triangles` (m_target,) are true where a triangle has the
+        texture, by default everywhere: it is looked up on those of the source alone, and baked over those of
+        the target alone. For a tangent-space normal map give `tangent_frames`: normals (m_source, 3, 3) and
+        tangents (m_source, 3, 4) of the source's triangle corners, then those of the target's; the tangent's
+        fourth number is the sign of the bitangent. `progress` is as in `match`.
         """
         frames = None
         if tangent_frames is not None:
@@ -334,14 +345,25 @@ class SurfaceMap:
                 _array(name, values, np.float64, None, 3, 3 if "normals" in name else 4)
                 for name, values in zip(names, tangent_frames, strict=True)
             ]
+        tiles = image if isinstance(image, Mapping) else {(0, 0): image}
+        used = [
+            None if mask is None else _array(name, mask, np.bool_, None)
+            for name, mask in (
+                ("source_triangles", source_triangles),
+                ("target_triangles", target_triangles),
+            )
+        ]
         pixels, _ = self._core.bake(
             _array("source_uv", source_uv, np.float64, self._source_triangles, 3, 2),
             _array("target_uv", target_uv, np.float64, None, 3, 2),
-            _array("image", image, np.float32, None, None, 4),
+            [(cell, _array("image", pixels, np.float32, None, None, 4)) for cell, pixels in tiles.items()],
             width,
             height,
             margin,
             straight_alpha,
+            extension,
+            closest,
+            (used[0], used[1]),
             frames,
             progress,
         )

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use numpy::{
-    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray2,
-    PyReadonlyArray3,
+    Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1,
+    PyReadonlyArray2, PyReadonlyArray3,
 };
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -14,11 +14,13 @@ use sgmds_core::transfer::diffusion::Diffusion;
 use sgmds_core::transfer::joints::fitted_joints;
 use sgmds_core::transfer::seam_cuts::seam_cuts;
 use sgmds_core::transfer::skin_weights::{SkinOptions, SkinWeights, carried_skin};
-use sgmds_core::transfer::texture::{self, Bake, Content, Image, TangentSpace};
+use sgmds_core::transfer::texture::{
+    self, Bake, Content, Extension, Image, TangentSpace, Texture, Tile,
+};
 use sgmds_core::transfer::{self, Surface, curves, displacement, labels, layout};
 
-use crate::triples;
 use crate::watched::watched;
+use crate::{errors, triples};
 
 type Array1<'py, T> = Bound<'py, PyArray1<T>>;
 type Array2<'py, T> = Bound<'py, PyArray2<T>>;
@@ -400,10 +402,12 @@ impl SurfaceMap {
         ))
     }
 
-    /// An image of the source (h, w, 4) baked into the target's layout, and how many texels it covers.
+    /// A texture of the source baked into the target's layout, and how many texels it covers.
     ///
+    /// `tiles` are the columns and rows of UV units with their images (h, w, 4). `used` are the source's and
+    /// the target's triangles with the texture; by default all.
     /// `frames` are the normals (m, 3, 3) and tangents (m, 3, 4) of source and target, for normal maps.
-    #[pyo3(signature = (source_uv, target_uv, image, width, height, margin, straight_alpha, frames, progress=None))]
+    #[pyo3(signature = (source_uv, target_uv, tiles, width, height, margin, straight_alpha, extension, closest, used, frames, progress=None))]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of the Python function"
@@ -413,18 +417,41 @@ impl SurfaceMap {
         py: Python<'py>,
         source_uv: PyReadonlyArray3<'py, f64>,
         target_uv: PyReadonlyArray3<'py, f64>,
-        image: PyReadonlyArray3<'py, f32>,
+        tiles: Vec<([i32; 2], PyReadonlyArray3<'py, f32>)>,
         width: usize,
         height: usize,
         margin: usize,
         straight_alpha: bool,
+        extension: &str,
+        closest: bool,
+        used: [Option<PyReadonlyArray1<'py, bool>>; 2],
         frames: Option<[PyReadonlyArray3<'py, f64>; 4]>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Array3<'py, f32>, usize)> {
         let map = Arc::clone(&self.map);
         let (source_uv, target_uv) = (corners_of::<2>(&source_uv)?, corners_of::<2>(&target_uv)?);
-        let size = image.as_array().raw_dim();
-        let pixels = image.as_slice()?;
+        let extension = Extension::named(extension).map_err(|e| errors::to_python(py, &e))?;
+        let tiles = tiles
+            .iter()
+            .map(|(cell, pixels)| {
+                let size = pixels.as_array().raw_dim();
+                let image = Image {
+                    width: size[1],
+                    height: size[0],
+                    pixels: pixels.as_slice()?,
+                };
+                Ok(Tile { cell: *cell, image })
+            })
+            .collect::<PyResult<Vec<_>>>()?;
+        let [source_used, target_used] = &used;
+        let source_used = source_used
+            .as_ref()
+            .map(|used| used.as_slice())
+            .transpose()?;
+        let target_used = target_used
+            .as_ref()
+            .map(|used| used.as_slice())
+            .transpose()?;
         let frames = frames
             .map(|[a, b, c, d]| {
                 Ok::<_, PyErr>((
@@ -450,11 +477,13 @@ impl SurfaceMap {
             let wanted = Bake {
                 source_uv: &source_uv,
                 target_uv: &target_uv,
-                image: Image {
-                    width: size[1],
-                    height: size[0],
-                    pixels,
+                texture: Texture {
+                    tiles: &tiles,
+                    extension,
+                    closest,
                 },
+                source_used,
+                target_used,
                 content,
                 width,
                 height,

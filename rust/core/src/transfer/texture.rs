@@ -41,6 +41,132 @@ pub struct Image<'a> {
     pub pixels: &'a [f32],
 }
 
+/// An image over one unit of UV.
+#[derive(Debug, Clone, Copy)]
+pub struct Tile<'a> {
+    /// Where that unit begins: column and row.
+    pub cell: [i32; 2],
+    /// Its image.
+    pub image: Image<'a>,
+}
+
+impl Tile<'_> {
+    /// Square of the distance of a UV to the tile.
+    fn distance(&self, uv: Uv) -> f64 {
+        (0..2)
+            .map(|axis| {
+                let local = uv[axis] - f64::from(self.cell[axis]);
+                (local - local.clamp(0.0, 1.0)).powi(2)
+            })
+            .sum()
+    }
+}
+
+/// What an image shows beyond its borders.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Extension {
+    /// Itself again.
+    Repeat,
+    /// Itself in a mirror.
+    Mirror,
+    /// The texels at its border.
+    Extend,
+    /// Nothing: zeros.
+    Clip,
+}
+
+impl Extension {
+    /// The extension of that name.
+    ///
+    /// # Errors
+    /// [`Error::BadArgument`] for an unknown name.
+    pub fn named(name: &str) -> Result<Self> {
+        match name {
+            "repeat" => Ok(Self::Repeat),
+            "mirror" => Ok(Self::Mirror),
+            "extend" => Ok(Self::Extend),
+            "clip" => Ok(Self::Clip),
+            _ => Err(Error::BadArgument {
+                what: format!(
+                    "`extension` should be \"repeat\", \"mirror\", \"extend\" or \"clip\", got {name:?}"
+                ),
+            }),
+        }
+    }
+
+    /// The texel shown at place `at` of a line of `count`.
+    fn texel(self, at: i64, count: i64) -> Option<usize> {
+        let place = match self {
+            Self::Repeat => at.rem_euclid(count),
+            Self::Mirror => {
+                let place = at.rem_euclid(2 * count);
+                place.min(2 * count - 1 - place)
+            }
+            Self::Extend => at.clamp(0, count - 1),
+            Self::Clip => return (0..count).contains(&at).then_some(at as usize),
+        };
+        Some(place as usize)
+    }
+}
+
+/// The source's texture: one image over the unit square, or tiles.
+#[derive(Debug, Clone, Copy)]
+pub struct Texture<'a> {
+    /// The tile nearest to a UV shows there, beyond its borders by `extension`.
+    pub tiles: &'a [Tile<'a>],
+    /// What shows beyond the borders of a tile.
+    pub extension: Extension,
+    /// Whether the nearest texel is taken instead of filtering.
+    pub closest: bool,
+}
+
+impl<'a> Texture<'a> {
+    fn tile(&self, uv: Uv) -> &'a Tile<'a> {
+        let [first, others @ ..] = self.tiles else {
+            unreachable!("checked: there is a tile")
+        };
+        others.iter().fold(first, |best, tile| {
+            if tile.distance(uv) < best.distance(uv) {
+                tile
+            } else {
+                best
+            }
+        })
+    }
+
+    /// The texture at a UV. Colours with straight alpha count by their alpha.
+    fn at(&self, uv: Uv, straight: bool) -> [f32; CHANNELS] {
+        let tile = self.tile(uv);
+        let local = [0, 1].map(|axis| uv[axis] - f64::from(tile.cell[axis]));
+        if !local.iter().all(|u| u.is_finite()) {
+            return [0.0; CHANNELS];
+        }
+        if self.closest {
+            let [x, y] = tile.image.texels(local).map(|at| at.floor() as i64);
+            tile.image.texel(x, y, self.extension)
+        } else {
+            filtered(&tile.image, local, self.extension, straight)
+        }
+    }
+}
+
+impl Image<'_> {
+    /// A UV in texels.
+    fn texels(&self, uv: Uv) -> Uv {
+        [uv[0] * self.width as f64, uv[1] * self.height as f64]
+    }
+
+    fn texel(&self, x: i64, y: i64, extension: Extension) -> [f32; CHANNELS] {
+        let column = extension.texel(x, self.width as i64);
+        let row = extension.texel(y, self.height as i64);
+        let (Some(column), Some(row)) = (column, row) else {
+            return [0.0; CHANNELS];
+        };
+        let at = (row * self.width + column) * CHANNELS;
+        [0, 1, 2, 3].map(|c| self.pixels[at + c])
+    }
+}
+
 /// Normals and tangents at the corners of triangles, `(m, 3)`: unit vectors, the tangent's fourth
 /// number being the sign of the bitangent.
 #[derive(Debug, Clone, Copy)]
@@ -68,6 +194,17 @@ pub enum Content<'a> {
     },
 }
 
+impl Content<'_> {
+    fn straight_alpha(&self) -> bool {
+        matches!(
+            self,
+            Self::Colour {
+                straight_alpha: true
+            }
+        )
+    }
+}
+
 /// What is baked, and into what.
 #[derive(Debug, Clone, Copy)]
 pub struct Bake<'a> {
@@ -75,9 +212,13 @@ pub struct Bake<'a> {
     pub source_uv: &'a [[Uv; 3]],
     /// UVs of the target's triangles, `(m_target, 3)`.
     pub target_uv: &'a [[Uv; 3]],
-    /// The source's image; it repeats beyond its borders.
-    pub image: Image<'a>,
-    /// What the image holds.
+    /// The source's texture.
+    pub texture: Texture<'a>,
+    /// Source triangles that have the texture, `(m_source,)`: it is looked up on these alone.
+    pub source_used: Option<&'a [bool]>,
+    /// Target triangles that get it, `(m_target,)`.
+    pub target_used: Option<&'a [bool]>,
+    /// What the texture holds.
     pub content: Content<'a>,
     /// Texels a row of the result.
     pub width: usize,
@@ -105,6 +246,7 @@ pub fn bake(map: &SurfaceMap, bake: &Bake<'_>, progress: &Progress) -> Result<Ba
     check(map, bake)?;
     let triangles: Vec<TargetTriangle> = (0..bake.target_uv.len())
         .into_par_iter()
+        .filter(|&t| bake.target_used.is_none_or(|used| used[t]))
         .map(|t| TargetTriangle::new(map, bake, t))
         .collect();
     let mut bands: Vec<Vec<u32>> = vec![Vec::new(); bake.height.div_ceil(BAND)];
@@ -157,6 +299,7 @@ pub fn bake(map: &SurfaceMap, bake: &Bake<'_>, progress: &Progress) -> Result<Ba
         bake.width,
         bake.height,
         bake.margin,
+        bake.content.straight_alpha(),
     );
     Ok(Baked { pixels, covered })
 }
@@ -175,11 +318,25 @@ fn check(map: &SurfaceMap, bake: &Bake<'_>) -> Result<()> {
         check_rows("target normals", to.normals.len(), target)?;
         check_rows("target tangents", to.tangents.len(), target)?;
     }
-    let image = bake.image;
-    for (name, width, height) in [
-        ("image", image.width, image.height),
-        ("result", bake.width, bake.height),
+    for (name, used, count) in [
+        ("source_triangles", bake.source_used, source),
+        ("target_triangles", bake.target_used, target),
     ] {
+        if let Some(used) = used {
+            check_rows(name, used.len(), count)?;
+        }
+    }
+    let tiles = bake.texture.tiles;
+    if tiles.is_empty() {
+        return Err(Error::BadArgument {
+            what: "the texture has no tile: give an image".into(),
+        });
+    }
+    let sizes = tiles
+        .iter()
+        .map(|tile| ("image", tile.image.width, tile.image.height))
+        .chain([("result", bake.width, bake.height)]);
+    for (name, width, height) in sizes {
         if width == 0 || height == 0 || width.max(height) > LARGEST_SIDE {
             return Err(Error::BadArgument {
                 what: format!(
@@ -188,11 +345,13 @@ fn check(map: &SurfaceMap, bake: &Bake<'_>) -> Result<()> {
             });
         }
     }
-    check_rows(
-        "image",
-        image.pixels.len(),
-        image.width * image.height * CHANNELS,
-    )
+    tiles.iter().try_for_each(|tile| {
+        check_rows(
+            "image",
+            tile.image.pixels.len(),
+            tile.image.width * tile.image.height * CHANNELS,
+        )
+    })
 }
 
 /// A target triangle in the result's texels, with what its texels have in common.
@@ -235,9 +394,11 @@ impl TargetTriangle {
         let density = points
             .iter()
             .map(|p| {
-                let [a, b, c] = bake.source_uv[p.face as usize];
+                let corners = &bake.source_uv[p.face as usize];
+                let [a, b, c] = *corners;
                 let uv = (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]);
-                let texels = uv.abs() * (bake.image.width * bake.image.height) as f64;
+                let image = bake.texture.tile(uv_at(corners, [1.0 / 3.0; 3])).image;
+                let texels = uv.abs() * (image.width * image.height) as f64;
                 texels / vector::norm(map.source.cross(p.face)).max(f64::MIN_POSITIVE)
             })
             .fold(0.0, f64::max);
@@ -250,7 +411,11 @@ impl TargetTriangle {
             normal,
             steps: [0, 1].map(|axis| gradients.map(|g| g[axis])),
             // A texel of the same size, up to rounding and stretch, is one sample.
-            samples: ((ratio - 0.25).ceil() as usize).clamp(1, MOST_SAMPLES),
+            samples: if bake.texture.closest {
+                1
+            } else {
+                ((ratio - 0.25).ceil() as usize).clamp(1, MOST_SAMPLES)
+            },
         }
     }
 
@@ -262,57 +427,36 @@ impl TargetTriangle {
         guess: &mut Option<u32>,
     ) -> [f32; CHANNELS] {
         let n = self.samples;
-        let mut sum = [0.0f32; CHANNELS];
-        let mut plain = [0.0f32; 3];
-        let straight = matches!(
-            bake.content,
-            Content::Colour {
-                straight_alpha: true
-            }
-        );
+        let straight = bake.content.straight_alpha();
+        let mut mean = Mean::new(straight);
         for j in 0..n {
             for i in 0..n {
                 let [dx, dy] = [i, j].map(|k| (k as f64 + 0.5) / n as f64 - 0.5);
                 let w =
                     [0, 1, 2].map(|k| weights[k] + dx * self.steps[0][k] + dy * self.steps[1][k]);
-                let place = self.place(map, w, guess);
+                let place = self.place(map, bake.source_used, w, guess);
                 let uv = uv_at(&bake.source_uv[place.face as usize], place.weights);
-                let mut texel = filtered(&bake.image, uv, straight);
+                let mut texel = bake.texture.at(uv, straight);
                 if let Content::Normals { source, target } = bake.content {
                     texel = self.turned(map, texel, &place, w, source, target);
                 }
-                for c in 0..3 {
-                    plain[c] += texel[c];
-                    sum[c] += if straight {
-                        texel[c] * texel[3]
-                    } else {
-                        texel[c]
-                    };
-                }
-                sum[3] += texel[3];
+                mean.add(texel);
             }
         }
-        let count = (n * n) as f32;
-        if straight && sum[3] > TRANSPARENT {
-            return [
-                sum[0] / sum[3],
-                sum[1] / sum[3],
-                sum[2] / sum[3],
-                sum[3] / count,
-            ];
-        }
-        [
-            plain[0] / count,
-            plain[1] / count,
-            plain[2] / count,
-            sum[3] / count,
-        ]
+        mean.texel()
     }
 
-    /// The point of the source under a point of this triangle.
-    fn place(&self, map: &SurfaceMap, weights: [f64; 3], guess: &mut Option<u32>) -> SurfacePoint {
+    /// The point of the source, on its `used` triangles, under a point of this triangle.
+    fn place(
+        &self,
+        map: &SurfaceMap,
+        used: Option<&[bool]>,
+        weights: [f64; 3],
+        guess: &mut Option<u32>,
+    ) -> SurfacePoint {
+        let used = |t: u32| used.is_none_or(|used| used[t as usize]);
         let [first, ..] = self.points;
-        if self.points.iter().all(|p| p.face == first.face) {
+        if self.points.iter().all(|p| p.face == first.face) && used(first.face) {
             return SurfacePoint {
                 face: first.face,
                 weights: [0, 1, 2]
@@ -320,11 +464,12 @@ impl TargetTriangle {
             };
         }
         let query = blend(self.images, weights);
-        let allowed = |t: u32| vector::dot(map.source.cross(t), self.normal) > 0.0;
+        let allowed = |t: u32| used(t) && vector::dot(map.source.cross(t), self.normal) > 0.0;
         let start = guess.filter(|&t| allowed(t));
         let found = map
             .source
             .nearest_where(query, start, allowed)
+            .or_else(|| map.source.nearest_where(query, None, used))
             .unwrap_or_else(|| map.source.nearest(query));
         *guess = Some(found.face);
         found
@@ -384,6 +529,45 @@ fn frame_at(space: TangentSpace<'_>, triangle: usize, weights: [f64; 3]) -> (Poi
     )
 }
 
+/// Mean of texels, in which colours with straight alpha count by their alpha.
+struct Mean {
+    straight: bool,
+    weighted: [f32; 3],
+    plain: [f32; CHANNELS],
+    count: f32,
+}
+
+impl Mean {
+    fn new(straight: bool) -> Self {
+        Self {
+            straight,
+            weighted: [0.0; 3],
+            plain: [0.0; CHANNELS],
+            count: 0.0,
+        }
+    }
+
+    fn add(&mut self, texel: [f32; CHANNELS]) {
+        for (sum, value) in self.weighted.iter_mut().zip(texel) {
+            *sum += value * texel[3];
+        }
+        for (sum, value) in self.plain.iter_mut().zip(texel) {
+            *sum += value;
+        }
+        self.count += 1.0;
+    }
+
+    fn texel(&self) -> [f32; CHANNELS] {
+        let [r, g, b, alpha] = self.plain;
+        let colour = if self.straight && alpha > TRANSPARENT {
+            self.weighted.map(|c| c / alpha)
+        } else {
+            [r, g, b].map(|c| c / self.count)
+        };
+        [colour[0], colour[1], colour[2], alpha / self.count]
+    }
+}
+
 fn uv_at(corners: &[Uv; 3], weights: [f64; 3]) -> Uv {
     [0, 1].map(|axis| (0..3).map(|k| weights[k] * corners[k][axis]).sum())
 }
@@ -391,13 +575,8 @@ fn uv_at(corners: &[Uv; 3], weights: [f64; 3]) -> Uv {
 /// The image at a UV: cubic (Catmull–Rom), held within the four texels around.
 ///
 /// Holding avoids the ringing at edges. Colours with straight alpha count by their alpha.
-fn filtered(image: &Image<'_>, uv: Uv, straight: bool) -> [f32; CHANNELS] {
-    let (w, h) = (image.width as i64, image.height as i64);
-    let x = uv[0] * w as f64 - 0.5;
-    let y = uv[1] * h as f64 - 0.5;
-    if !(x.is_finite() && y.is_finite()) {
-        return [0.0; CHANNELS];
-    }
+fn filtered(image: &Image<'_>, uv: Uv, extension: Extension, straight: bool) -> [f32; CHANNELS] {
+    let [x, y] = image.texels(uv).map(|at| at - 0.5);
     let (column, row) = (x.floor(), y.floor());
     let along = cubic((x - column) as f32);
     let up = cubic((y - row) as f32);
@@ -406,10 +585,9 @@ fn filtered(image: &Image<'_>, uv: Uv, straight: bool) -> [f32; CHANNELS] {
     let mut low = [f32::INFINITY; CHANNELS];
     let mut high = [f32::NEG_INFINITY; CHANNELS];
     for (j, &wy) in up.iter().enumerate() {
-        let line = (row as i64 + j as i64 - 1).rem_euclid(h) as usize * image.width;
         for (i, &wx) in along.iter().enumerate() {
-            let at = line + (column as i64 + i as i64 - 1).rem_euclid(w) as usize;
-            let texel = &image.pixels[at * CHANNELS..][..CHANNELS];
+            let (x, y) = (column as i64 + i as i64 - 1, row as i64 + j as i64 - 1);
+            let texel = image.texel(x, y, extension);
             let weight = wx * wy;
             for c in 0..3 {
                 plain[c] += weight * texel[c];
@@ -448,7 +626,16 @@ fn cubic(t: f32) -> [f32; 4] {
 }
 
 /// Extends filled texels `margin` times into their empty neighbours, each the mean of those filled.
-fn extend(pixels: &mut [f32], filled: &mut [bool], width: usize, height: usize, margin: usize) {
+///
+/// Colours with straight alpha count by their alpha.
+fn extend(
+    pixels: &mut [f32],
+    filled: &mut [bool],
+    width: usize,
+    height: usize,
+    margin: usize,
+    straight: bool,
+) {
     let around = |p: usize| {
         let (x, y) = (p % width, p / width);
         (y.saturating_sub(1)..=(y + 1).min(height - 1)).flat_map(move |j| {
@@ -464,15 +651,11 @@ fn extend(pixels: &mut [f32], filled: &mut [bool], width: usize, height: usize, 
         let values: Vec<[f32; CHANNELS]> = rim
             .par_iter()
             .map(|&p| {
-                let mut sum = [0.0; CHANNELS];
-                let mut count = 0.0;
+                let mut mean = Mean::new(straight);
                 for q in around(p as usize).filter(|&q| filled[q]) {
-                    for c in 0..CHANNELS {
-                        sum[c] += pixels[q * CHANNELS + c];
-                    }
-                    count += 1.0;
+                    mean.add([0, 1, 2, 3].map(|c| pixels[q * CHANNELS + c]));
                 }
-                sum.map(|s| s / count)
+                mean.texel()
             })
             .collect();
         for (&p, value) in rim.iter().zip(&values) {
@@ -503,7 +686,7 @@ mod tests {
             pixels: &pixels,
         };
         for x in [2.5, 3.0, 4.75] {
-            let found = filtered(&image, [x / 8.0, 0.5], false);
+            let found = filtered(&image, [x / 8.0, 0.5], Extension::Repeat, false);
             assert!((f64::from(found[0]) - (x - 0.5) / 8.0).abs() < 1e-6);
         }
     }
@@ -514,7 +697,7 @@ mod tests {
         let mut filled = vec![false; 81];
         filled[40] = true;
         pixels[40 * CHANNELS..][..CHANNELS].copy_from_slice(&[0.25, 0.5, 0.75, 1.0]);
-        extend(&mut pixels, &mut filled, 9, 9, 2);
+        extend(&mut pixels, &mut filled, 9, 9, 2, true);
         assert_eq!(filled.iter().filter(|&&f| f).count(), 25);
         assert!(
             filled
@@ -522,5 +705,55 @@ mod tests {
                 .enumerate()
                 .all(|(p, &f)| !f || pixels[p * CHANNELS] == 0.25)
         );
+    }
+
+    #[test]
+    fn a_margin_beside_transparent_texels_has_the_colour_of_those_seen() {
+        // White and opaque beside black and transparent.
+        let mut pixels = vec![0.0; 4 * CHANNELS];
+        pixels[..CHANNELS].copy_from_slice(&[1.0; CHANNELS]);
+        let mut filled = vec![true, true, false, false];
+        extend(&mut pixels, &mut filled, 2, 2, 1, true);
+        assert_eq!(pixels[2 * CHANNELS..][..CHANNELS], [1.0, 1.0, 1.0, 0.5]);
+    }
+
+    #[test]
+    fn beyond_its_borders_an_image_shows_what_its_extension_says() {
+        let at = |extension: Extension| [-2, -1, 0, 3, 4, 5].map(|x| extension.texel(x, 4));
+        assert_eq!(at(Extension::Repeat), [2, 3, 0, 3, 0, 1].map(Some));
+        assert_eq!(at(Extension::Mirror), [1, 0, 0, 3, 3, 2].map(Some));
+        assert_eq!(at(Extension::Extend), [0, 0, 0, 3, 3, 3].map(Some));
+        assert_eq!(
+            at(Extension::Clip),
+            [None, None, Some(0), Some(3), None, None]
+        );
+    }
+
+    #[test]
+    fn a_place_shows_the_tile_over_it_and_the_nearest_where_there_is_none() {
+        let (dark, light) = ([0.0; CHANNELS], [1.0; 4 * CHANNELS]);
+        let image = |side, pixels| Image {
+            width: side,
+            height: side,
+            pixels,
+        };
+        let tiles = [
+            Tile {
+                cell: [0, 0],
+                image: image(1, &dark),
+            },
+            Tile {
+                cell: [9, 0],
+                image: image(2, &light),
+            },
+        ];
+        let texture = Texture {
+            tiles: &tiles,
+            extension: Extension::Extend,
+            closest: false,
+        };
+        for (u, expected) in [(0.5, 0.0), (1.0, 0.0), (9.25, 1.0), (10.0, 1.0), (8.0, 1.0)] {
+            assert_eq!(texture.at([u, 0.5], true)[0], expected, "at {u}");
+        }
     }
 }
