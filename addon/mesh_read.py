@@ -109,6 +109,13 @@ def face_starts(mesh):
     return np.append(values, np.int32(len(mesh.loops)))
 
 
+def slots_shown(obj):
+    """Material slot that every face shows, int32: an index beyond the slots shows the last one."""
+    index = np.empty(len(obj.data.polygons), np.int32)
+    obj.data.polygons.foreach_get("material_index", index)
+    return np.minimum(index, len(obj.material_slots) - 1)
+
+
 def edges(mesh):
     """Vertices of every edge, (edges, 2) int32."""
     values = np.empty(len(mesh.edges) * 2, np.int32)

@@ -89,6 +89,7 @@ def carry_all(target, options, chosen):
     }
     _check_twins(route, wanted)
     with seam_splits.split(route, wanted[uv_maps.KIND.identifier], options) as (route, notes):
+        route.wanted = wanted
         prepared = [
             kind.prepare(route, wanted[kind.identifier], options) for kind in KINDS if wanted[kind.identifier]
         ]

@@ -4,6 +4,7 @@
 import numpy as np
 
 from .kind import Kind, Prepared
+from .textures import is_made_from
 
 
 def names(source):
@@ -16,11 +17,7 @@ def _name(slot, place):
 
 def prepare(route, wanted, _options):
     slots = route.source.material_slots
-    index = np.empty(len(route.source.data.polygons), np.int32)
-    route.source.data.polygons.foreach_get("material_index", index)
-    # An index beyond the slots shows the last one.
-    index = np.minimum(index, len(slots) - 1)
-    label = route.map.face_labels(*route.faces, index[route.triangle_faces])
+    label = route.carried_slots
     chosen = [place for place, slot in enumerate(slots) if _name(slot, place) in wanted]
 
     def write():
@@ -30,7 +27,10 @@ def prepare(route, wanted, _options):
         route.target.data.polygons.foreach_get("material_index", own)
         for place in chosen:
             material = slots[place].material
-            at = next((at for at, held in enumerate(shown) if held.material == material), len(shown))
+            same = (
+                at for at, held in enumerate(shown) if is_made_from(held.material, material, route.target)
+            )
+            at = next(same, len(shown))
             if at == len(shown):
                 route.target.data.materials.append(material)
             own[label == place] = at

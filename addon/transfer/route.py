@@ -12,14 +12,15 @@ class Route:
     """Everything that a kind of data needs to travel from `source` to `target`.
 
     `map` is the core's, in the coordinates of the two meshes; `faces` are the target's faces as the core
-    takes them: first corners and vertices of corners. Raises `UnusableObjectError` when the target has no
-    match that still holds.
+    takes them: first corners and vertices of corners. `wanted` names what is carried, by kind. Raises
+    `UnusableObjectError` when the target has no match that still holds.
     """
 
     def __init__(self, target):
         mesh_read.check_usable(target, as_target=True)
         stored = stored_match.require(target)
         self.source, self.target = target.spectral_match_source, target
+        self.wanted = {}
         self.swapped_sides = stored.swapped_sides
         self.triangle_corners, self.triangle_faces = mesh_read.triangle_corners(self.source.data)
         self.triangles = mesh_read.corner_vertices(self.source.data)[self.triangle_corners]
@@ -36,9 +37,23 @@ class Route:
         return mesh_read.positions(self.target.data).astype(np.float64)
 
     @cached_property
+    def _target_fans(self):
+        return mesh_read.triangle_corners(self.target.data)
+
+    @property
     def target_corners(self):
         """Corners of the target's triangles, (m, 3)."""
-        return mesh_read.triangle_corners(self.target.data)[0]
+        return self._target_fans[0]
+
+    @property
+    def target_triangle_faces(self):
+        """Faces of the target's triangles, (m,)."""
+        return self._target_fans[1]
+
+    @cached_property
+    def carried_slots(self):
+        """The source's material slot that each face of the target gets, (faces,)."""
+        return self.map.face_labels(*self.faces, mesh_read.slots_shown(self.source)[self.triangle_faces])
 
     @cached_property
     def target_triangles(self):

@@ -1,66 +1,145 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Image textures of the source's materials, baked into the target's own UV layout."""
 
-import tempfile
-from pathlib import Path
+from collections import Counter
+from functools import partial
 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
+from .. import core, mesh_read
 from ..mesh_read import UnusableObjectError
+from .armatures import MADE_FROM
+from .image_nodes import image_nodes, laid, normal_maps
+from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
 from .kind import Kind, Prepared
 from .uv_maps import read_uv
 
 LARGEST_TRIANGULATED = 4
-
-
-def _nodes(source):
-    """Image texture nodes of the source's materials with an image."""
-    for slot in source.material_slots:
-        if slot.material is not None and slot.material.node_tree is not None:
-            for node in slot.material.node_tree.nodes:
-                if node.type == "TEX_IMAGE" and node.image is not None:
-                    yield slot.material, node
+TILE_ROWS = 100
+# A layout that reaches into the next unit of UV by less than this does not need its tile.
+BEYOND = 1e-4
 
 
 def names(source):
-    return sorted({node.image.name for _, node in _nodes(source)})
+    return sorted({node.image.name for material in _materials(source) for _, node in image_nodes(material)})
+
+
+def _materials(source):
+    """The source's materials, each once."""
+    return list(dict.fromkeys(slot.material for slot in source.material_slots if slot.material is not None))
 
 
 def prepare(route, wanted, options):
-    target_uv = _own_layout(route, options)
-    cells = _cells(route, target_uv)
-    baked = {}
-    for _, node in _nodes(route.source):
-        if node.image.name in wanted and node.image.name not in baked:
-            baked[node.image.name] = _bake(route, node, target_uv, cells, options)
+    if _takes_over_layout(route, options):
+        words = (
+            f"'{route.target.name}' gets the source's UV map in place of its own. Textures fit that as they "
+            "are and were not baked. To bake them, choose another map of the target, or leave out UV Maps"
+        )
+        return Prepared(partial(_show_originals, route, options), (words,))
+    notes, baked = [], {}
+    uses = _uses(route.source, wanted, notes)
+    try:
+        target_uv = _own_layout(route, options)
+    except UnusableObjectError as reason:
+        notes.append(str(reason))
+    else:
+        for use, materials in _materials_of(uses).items():
+            try:
+                baked[use] = _bake(route, use, materials, target_uv, options)
+            except UnusableObjectError as reason:
+                notes.append(str(reason))
+    if not baked and not any(others for kind, others in route.wanted.items() if kind != KIND.identifier):
+        raise UnusableObjectError(" ".join(notes))
+    if options.bake_material:
+        notes += _unseen(route, uses, baked)
 
     def write():
-        images = {name: _store(route, name, tiles) for name, tiles in baked.items()}
-        if options.bake_material:
-            _replace_materials(route, images, target_uv)
+        images = {use: store(title, baked[use], use.image) for use, title in _titles(route, baked).items()}
+        if images and options.bake_material:
+            _fill_slots(route)
+            _replace_materials(route, uses, images, target_uv)
+        for image in images.values():
+            # Without a user it would not be saved.
+            image.use_fake_user = not image.users
 
-    return Prepared(write)
+    return Prepared(write, tuple(notes))
+
+
+def _uses(source, wanted, notes):
+    """For each material how its image nodes lay the wanted images onto the source, None for other nodes."""
+    uses = {}
+    for material in _materials(source):
+        uses[material] = []
+        for groups, node in image_nodes(material):
+            use = None
+            if node.image.name in wanted:
+                try:
+                    use = laid(source, material, groups, node)
+                except UnusableObjectError as reason:
+                    notes.append(str(reason))
+            uses[material].append(use)
+    return uses
+
+
+def _materials_of(uses):
+    """For each way in which an image is laid on, the materials with it."""
+    materials = {}
+    for material, found in uses.items():
+        for use in dict.fromkeys(found):
+            if use is not None:
+                materials.setdefault(use, []).append(material)
+    return materials
+
+
+def _titles(route, baked):
+    """A name for each baked image; those laid on in several ways are numbered."""
+    titles, times = {}, Counter()
+    for use in baked:
+        title = made_title(use.image, route.target)
+        times[title] += 1
+        titles[use] = f"{title} {times[title]}" if times[title] > 1 else title
+    return titles
+
+
+def made_title(original, target):
+    """Name of what is made from an image or a material for the target. In `MADE_FROM` it tells it from
+    others of that name.
+    """
+    return f"{original.name} {target.name}"
+
+
+def is_made_from(material, original, target):
+    """Whether the material is the original, or the copy of it that shows the target's baked images; None is
+    none.
+    """
+    if material is None or original is None:
+        return material == original
+    return material == original or material.get(MADE_FROM) == made_title(original, target)
+
+
+def _layout_name(route, options):
+    active = route.target.data.uv_layers.active
+    return options.bake_uv or (active.name if active else "")
+
+
+def _takes_over_layout(route, options):
+    """Whether the UV map to bake into is one that comes from the source, or there is none but those."""
+    carried, name = route.wanted.get("uv", ()), _layout_name(route, options)
+    return name in carried or bool(carried and not name)
 
 
 def _own_layout(route, options):
-    layers = route.target.data.uv_layers
-    name = options.bake_uv or (layers.active.name if layers.active else "")
-    if name not in layers:
+    name = _layout_name(route, options)
+    if name not in route.target.data.uv_layers:
         what = f"has no UV map '{name}'" if name else "has no UV map of its own"
         raise UnusableObjectError(f"'{route.target.name}' {what} to bake textures into. Unwrap it first")
     return name
 
 
-def _target_uv(route, name):
-    """UVs of the target's triangles, (m, 3, 2)."""
-    return read_uv(route.target.data, name)[route.target_corners]
-
-
-def _cells(route, name):
-    """Units of UV that the target's layout reaches into, (column, row) each: one image tile for each."""
-    uv = _target_uv(route, name)
+def _cells(route, name, uv):
+    """Units of UV that these triangles (m, 3, 2) reach into, (column, row) each: an image tile for each."""
     low = np.floor(uv.min(axis=1) + BEYOND).astype(int)
     high = np.maximum(np.ceil(uv.max(axis=1) - BEYOND).astype(int) - 1, low)
     if low.min() < 0 or (high.max(axis=0) >= (TILES_IN_A_ROW, TILE_ROWS)).any():
@@ -79,122 +158,84 @@ def _cells(route, name):
     )
 
 
-def _bake(route, node, target_uv, cells, options):
+def _bake(route, use, materials, target_uv, options):
     """Pixels of each tile of the baked image, by the tile's number."""
-    image = node.image
-    tiled = image.source == "TILED"
-    pixels, place = read_tiles(image) if tiled else (read_pixels(image), WHOLE)
-    # Each tile as large as one of the source.
-    height, width = (np.array(pixels.shape[:2]) / place[1][::-1]).astype(int).tolist()
+    image = use.image
+    slots = [place for place, slot in enumerate(route.source.material_slots) if slot.material in materials]
+    source_used, target_used = (np.isin(shown, slots) for shown in _slots_shown(route))
+    if not target_used.any():
+        raise UnusableObjectError(
+            f"No face of '{route.target.name}' shows image '{image.name}': it was not baked"
+        )
+    tiles = read_tiles(image)
+    # Each tile as large as the source's largest.
+    height, width = (max(pixels.shape[axis] for pixels in tiles.values()) for axis in (0, 1))
     if options.bake_size != "SOURCE":
         width = height = int(options.bake_size)
-    source_uv = _uv_of(route.source, node)
-    given = (read_uv(route.source.data, source_uv)[route.triangle_corners] - place[0]) / place[1]
-    wanted = _target_uv(route, target_uv)
+    placing = np.array(use.placing)
+    given = read_uv(route.source.data, use.uv)[route.triangle_corners] @ placing[:, :2].T + placing[:, 2]
+    wanted = read_uv(route.target.data, target_uv)[route.target_corners]
+    cells = _cells(route, target_uv, wanted[target_used])
     frames = None
-    if _is_normal_map(node):
+    if use.normals is not None:
         frames = (
-            *_tangent_frames(route.source, source_uv, route.triangle_corners),
+            *_tangent_frames(route.source, use.normals.uv, route.triangle_corners),
             *_tangent_frames(route.target, target_uv, route.target_corners),
         )
+        if use.normals.green_down:
+            tiles = {cell: _green_turned(pixels) for cell, pixels in tiles.items()}
     manager = bpy.context.window_manager
     manager.progress_begin(0.0, len(cells))
+    baked = {}
     try:
-        return {
-            FIRST_TILE + column + TILES_IN_A_ROW * row: route.map.bake(
+        for done, cell in enumerate(cells):
+            pixels = route.map.bake(
                 given,
-                wanted - (column, row),
-                pixels,
+                wanted - cell,
+                tiles,
                 width,
                 height,
                 margin=options.bake_margin,
-                straight_alpha=image.alpha_mode == "STRAIGHT",
+                straight_alpha=has_straight_alpha(image),
+                extension=use.extension,
+                closest=use.closest,
+                source_triangles=source_used,
+                target_triangles=target_used,
                 tangent_frames=frames,
-                progress=lambda _stage, fraction, done=done: manager.progress_update(done + fraction),
+                progress=partial(_show_progress, manager, done),
             )
-            for done, (column, row) in enumerate(cells)
-        }
+            turned = use.normals is not None and use.normals.green_down
+            baked[number_of(*cell)] = _green_turned(pixels) if turned else pixels
+    except core.load().SgmdsError as reason:
+        raise UnusableObjectError(f"Image '{image.name}' cannot be baked: {reason}") from reason
     finally:
         manager.progress_end()
+    return baked
 
 
-# Where a picture begins in UV, and over how many units it goes.
-WHOLE = np.zeros(2), np.ones(2)
-FIRST_TILE, TILES_IN_A_ROW, TILE_ROWS = 1001, 10, 100
-# A layout that reaches into the next unit of UV by less than this does not need its tile.
-BEYOND = 1e-4
+def _show_progress(manager, done, _stage, fraction):
+    manager.progress_update(done + fraction)
 
 
-def read_tiles(image):
-    """All tiles of a UDIM image as one picture, and where in UV it lies: (begin, extent)."""
-    numbers = np.array([tile.number for tile in image.tiles]) - FIRST_TILE
-    cells = np.stack([numbers % TILES_IN_A_ROW, numbers // TILES_IN_A_ROW], axis=1)
-    tiles = [_read_tile(image, number + FIRST_TILE) for number in numbers.tolist()]
-    if len({tile.shape for tile in tiles}) > 1:
-        raise UnusableObjectError(f"The tiles of image '{image.name}' differ in size. Scale them to one size")
-    height, width = tiles[0].shape[:2]
-    begin = cells.min(axis=0)
-    extent = cells.max(axis=0) - begin + 1
-    whole = np.zeros((extent[1] * height, extent[0] * width, 4), np.float32)
-    for (column, row), tile in zip((cells - begin).tolist(), tiles, strict=True):
-        whole[row * height : (row + 1) * height, column * width : (column + 1) * width] = tile
-    return whole, (begin.astype(float), extent.astype(float))
+def _green_turned(pixels):
+    """Texels with green pointing the other way; empty ones stay empty."""
+    turned = pixels.copy()
+    turned[..., 1] = np.where(pixels.any(axis=-1), 1.0 - pixels[..., 1], 0.0)
+    return turned
 
 
-def _read_tile(image, number):
-    # Blender gives scripts the pixels of the first tile alone: the others are read from their files.
-    path = bpy.path.abspath(image.filepath_raw.replace("<UDIM>", str(number)), library=image.library)
-    try:
-        tile = bpy.data.images.load(path)
-    except RuntimeError:
-        raise UnusableObjectError(
-            f"Tile {number} of image '{image.name}' is not at {path}. Save the image's tiles to files first"
-        ) from None
-    try:
-        tile.colorspace_settings.name = image.colorspace_settings.name
-        tile.alpha_mode = image.alpha_mode
-        return read_pixels(tile)
-    finally:
-        bpy.data.images.remove(tile)
-
-
-def read_pixels(image):
-    """Texels (height, width, 4), rows from the bottom, in the image's own colour space."""
-    if image.source in {"SEQUENCE", "MOVIE"}:
-        raise UnusableObjectError(
-            f"Image '{image.name}' has frames; only still images can be baked. "
-            "Leave it out, or replace it with a still image"
-        )
-    width, height = image.size
-    if not image.has_data and not image.pixels:
-        raise UnusableObjectError(f"Image '{image.name}' has no pixels. Find its file: File > External Data")
-    channels = image.channels
-    values = np.empty(width * height * channels, np.float32)
-    image.pixels.foreach_get(values)
-    values = values.reshape(height, width, channels)
-    if channels == 4:
-        return values
-    full = np.ones((height, width, 4), np.float32)
-    full[..., :3] = values[..., :3] if channels >= 3 else values[..., :1]
-    return full
-
-
-def _uv_of(source, node):
-    """Name of the UV map by which the node is laid onto the source."""
-    layers = source.data.uv_layers
-    if not layers:
-        raise UnusableObjectError(f"'{source.name}' has no UV map, so its textures have no place on it")
-    for link in node.inputs["Vector"].links:
-        if link.from_node.type == "UVMAP" and link.from_node.uv_map in layers:
-            return link.from_node.uv_map
-    return next((layer.name for layer in layers if layer.active_render), layers[0].name)
-
-
-def _is_normal_map(node):
-    return any(
-        link.to_node.type == "NORMAL_MAP" and link.to_node.space == "TANGENT"
-        for link in node.outputs["Color"].links
-    )
+def _slots_shown(route):
+    """The source's slot that each triangle of the source, and of the target, shows: (m,) each."""
+    slot = route.carried_slots
+    if not route.wanted.get("materials"):
+        # The target keeps its slots: those with a material of the source show that one.
+        slot = slot.copy()
+        own = mesh_read.slots_shown(route.target)
+        for at, held in enumerate(route.target.material_slots):
+            for place, given in enumerate(route.source.material_slots):
+                if is_made_from(held.material, given.material, route.target):
+                    slot[own == at] = place
+    return mesh_read.slots_shown(route.source)[route.triangle_faces], slot[route.target_triangle_faces]
 
 
 def _tangent_frames(obj, uv, triangle_corners):
@@ -219,75 +260,107 @@ def _tangent_frames(obj, uv, triangle_corners):
     return normal.reshape(-1, 3)[triangle_corners], tangents[triangle_corners]
 
 
-def _store(route, name, tiles):
-    """A new image beside the source's, in place of the one baked before."""
-    image = bpy.data.images[name]
-    title = f"{name} {route.target.name}"
-    if set(tiles) == {FIRST_TILE}:
-        made = _new_image(title, tiles[FIRST_TILE], image.is_float, image.colorspace_settings.name)
-        made.alpha_mode = image.alpha_mode
-        made.pack()
-    else:
-        made = _new_tiled_image(title, tiles, image)
-    earlier = bpy.data.images.get(title)
-    if earlier not in (None, made):
-        earlier.user_remap(made)
-        bpy.data.images.remove(earlier)
-        made.name = title
-    return made
+def _unseen(route, uses, baked):
+    """Words about baked images that no material of the target will show."""
+    slots = route.target.material_slots
+    carried = route.wanted.get("materials", ())
+
+    def seen(material):
+        shown = any(is_made_from(slot.material, material, route.target) for slot in slots)
+        return not slots or shown or material.name in carried
+
+    materials = _materials_of(uses)
+    unseen = sorted({use.image.name for use in baked if not any(map(seen, materials[use]))})
+    if not unseen:
+        return []
+    which = ", ".join(f"'{name}'" for name in unseen)
+    return [
+        f"The materials of '{route.target.name}' do not show what was baked from {which}: use the baked "
+        "images in them, or check Materials and transfer again"
+    ]
 
 
-def _new_image(title, pixels, is_float, space):
-    height, width = pixels.shape[:2]
-    made = bpy.data.images.new(title, width, height, alpha=True, float_buffer=is_float)
-    made.colorspace_settings.name = space
-    made.pixels.foreach_set(np.ascontiguousarray(pixels).ravel())
-    made.update()
-    return made
-
-
-def _new_tiled_image(title, tiles, image):
-    # Scripts reach the pixels of the first tile alone: tiles go through files, which pack() takes in.
-    kind, suffix = ("OPEN_EXR", "exr") if image.is_float else ("PNG", "png")
-    stem = bpy.path.clean_name(title)
-    with tempfile.TemporaryDirectory() as folder:
-        for number, pixels in tiles.items():
-            # Without a colour space, numbers go into the file as they are.
-            tile = _new_image(title, pixels, image.is_float, "Non-Color")
-            try:
-                tile.filepath_raw, tile.file_format = str(Path(folder) / f"{stem}.{number}.{suffix}"), kind
-                tile.save()
-            finally:
-                bpy.data.images.remove(tile)
-        made = bpy.data.images.new(title, 1, 1, alpha=True, float_buffer=image.is_float, tiled=True)
-        made.filepath = str(Path(folder) / f"{stem}.<UDIM>.{suffix}")
-        made.colorspace_settings.name = image.colorspace_settings.name
-        made.alpha_mode = image.alpha_mode
-        made.pack()
-    made.filepath_raw = f"//{stem}.<UDIM>.{suffix}"
-    for packed in made.packed_files:
-        packed.filepath = f"//{stem}.{packed.tile_number}.{suffix}"
-    return made
-
-
-def _replace_materials(route, images, uv):
-    """In the target's slots: copies of the source's materials with the baked images and the target's UVs."""
+def _fill_slots(route):
+    """Give a target without material slots those of the source."""
     if not route.target.material_slots:
         for slot in route.source.material_slots:
             route.target.data.materials.append(slot.material)
-    used = {material for material, node in _nodes(route.source) if node.image.name in images}
-    for slot in route.target.material_slots:
-        if slot.material not in used:
+        route.target.data.polygons.foreach_set("material_index", route.carried_slots)
+
+
+def _show_originals(route, options):
+    """Give the target's slots the source's materials instead of copies with baked images."""
+    if not options.bake_material:
+        return
+    _fill_slots(route)
+    for material in _materials(route.source):
+        for slot in route.target.material_slots:
+            if is_made_from(slot.material, material, route.target):
+                slot.material = material
+
+
+def _replace_materials(route, uses, images, uv):
+    """In the target's slots: copies of the source's materials with the baked images on the target's map."""
+    target = route.target
+    for material, laid_on in uses.items():
+        slots = [slot for slot in target.material_slots if is_made_from(slot.material, material, target)]
+        if not slots or not images.keys() & set(laid_on):
             continue
-        title = f"{slot.material.name} {route.target.name}"
-        copy = bpy.data.materials.get(title) or slot.material.copy()
+        title = made_title(material, target)
+        earlier = [held for held in bpy.data.materials if held.get(MADE_FROM) == title]
+        copy = _copied(material, title)
+        _exchange(copy, [images.get(use) for use in laid_on], uv)
+        for slot in slots:
+            slot.material = copy
+        _remove_unused(bpy.data.materials, earlier)
+        groups = [group for group in bpy.data.node_groups if group.get(MADE_FROM) == title]
+        while _remove_unused(bpy.data.node_groups, groups):
+            pass
         copy.name = title
-        for node in copy.node_tree.nodes:
-            if node.type == "TEX_IMAGE" and node.image is not None and node.image.name in images:
-                node.image = images[node.image.name]
-            elif node.type in {"UVMAP", "NORMAL_MAP"}:
-                node.uv_map = uv
-        slot.material = copy
+
+
+def _copied(material, title):
+    """A copy of the material, with copies of the node groups in which there are images."""
+    copy = material.copy()
+    copy[MADE_FROM] = title
+
+    def own_groups(tree):
+        for node in tree.nodes:
+            if node.type == "GROUP" and node.node_tree in with_images:
+                node.node_tree = node.node_tree.copy()
+                node.node_tree[MADE_FROM] = title
+                own_groups(node.node_tree)
+
+    with_images = {around.node_tree for groups, _ in image_nodes(copy) for around in groups}
+    own_groups(copy.node_tree)
+    return copy
+
+
+def _exchange(material, images, uv):
+    """Give the material's image nodes these images, None for none, and lay them on by the UV map."""
+    named = {}
+    for (groups, node), image in zip(image_nodes(material), images, strict=True):
+        if image is None:
+            continue
+        node.image = image
+        tree = node.id_data
+        if tree not in named:
+            named[tree] = tree.nodes.new("ShaderNodeUVMap")
+            named[tree].uv_map = uv
+            named[tree].parent, named[tree].location = node.parent, node.location
+            named[tree].location.x -= node.width
+        tree.links.new(named[tree].outputs["UV"], node.inputs["Vector"])
+        for normal_map, _ in normal_maps(groups, node):
+            normal_map.uv_map = uv
+
+
+def _remove_unused(collection, held):
+    """Remove those of `held` that nothing uses any more, from it too; whether there were any."""
+    unused = [data for data in held if not data.users]
+    for data in unused:
+        held.remove(data)
+        collection.remove(data)
+    return bool(unused)
 
 
 KIND = Kind(

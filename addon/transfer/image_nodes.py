@@ -1,0 +1,225 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Image nodes of a material: how their picture is laid onto a mesh, and whether it holds normals."""
+
+from dataclasses import dataclass
+
+import bpy
+from mathutils import Euler, Matrix
+
+from ..mesh_read import UnusableObjectError
+
+
+@dataclass(frozen=True)
+class Normals:
+    """What a tangent-space normal map needs: the UV map of its tangents, and where its green points."""
+
+    uv: str
+    green_down: bool
+
+
+@dataclass(frozen=True)
+class Laid:
+    """An image as a node lays it onto a mesh: (u, v, 1) of the UV map go through `placing`, (2, 3)."""
+
+    image: bpy.types.Image
+    uv: str
+    placing: tuple
+    extension: str
+    closest: bool
+    normals: Normals | None
+
+
+def image_nodes(material):
+    """Nodes with an image, those in node groups too, each with the group nodes around it, outermost first."""
+
+    def walk(tree, groups):
+        for node in tree.nodes:
+            if node.type == "TEX_IMAGE" and node.image is not None:
+                yield groups, node
+            elif node.type == "GROUP" and node.node_tree is not None:
+                yield from walk(node.node_tree, (*groups, node))
+
+    return list(walk(material.node_tree, ())) if material is not None and material.node_tree else []
+
+
+def laid(source, material, groups, node):
+    """How the node lays its image onto `source`; raises `UnusableObjectError` where no UV map does it."""
+    if not source.data.uv_layers:
+        raise UnusableObjectError(f"'{source.name}' has no UV map, so its textures have no place on it")
+    if node.projection != "FLAT":
+        raise _without_uv(material, node, f"by {node.projection.capitalize()} projection")
+    uv, placing = _place(source, material, groups, node)
+    return Laid(
+        node.image,
+        uv,
+        tuple((row[0], row[1], row[3]) for row in placing[:2]),
+        # Tiles do not go over into each other.
+        "extend" if node.image.source == "TILED" else node.extension.lower(),
+        node.interpolation == "Closest",
+        _normals(source, material, groups, node),
+    )
+
+
+def _without_uv(material, node, how):
+    return UnusableObjectError(
+        f"Image '{node.image.name}' of material '{material.name}' is laid on {how} (node '{node.name}'), "
+        "which cannot be baked. Lay it on by a UV map"
+    )
+
+
+def _shown_uv(mesh):
+    """The UV map that materials show where they name none."""
+    return next((layer.name for layer in mesh.uv_layers if layer.active_render), mesh.uv_layers[0].name)
+
+
+def _place(source, material, groups, node):
+    """UV map and matrix (4, 4) by which the node's Vector comes about."""
+    placing = Matrix.Identity(4)
+    socket = node.inputs["Vector"]
+    if not socket.links:
+        return _shown_uv(source.data), placing
+    while True:
+        link = next((link for link in socket.links if not link.is_muted), None)
+        if link is None:
+            raise _without_uv(material, node, f"by the fixed value of '{socket.node.name}'")
+        before, out = link.from_node, link.from_socket
+        if before.type == "REROUTE":
+            socket = before.inputs[0]
+        elif before.type == "MAPPING":
+            if not before.mute:
+                placing = placing @ _mapping(material, node, before)
+            socket = before.inputs["Vector"]
+        elif before.type == "GROUP_INPUT" and groups:
+            *groups, around = groups
+            socket = _same(around.inputs, out)
+        elif before.type == "GROUP" and (end := _end(before)) is not None:
+            groups = (*groups, before)
+            socket = _same(end.inputs, out)
+        else:
+            return _map_named(source, material, node, before, out), placing
+
+
+def _end(group):
+    """The node that gives the group's outputs."""
+    nodes = group.node_tree.nodes if group.node_tree is not None and not group.mute else ()
+    return next((node for node in nodes if node.type == "GROUP_OUTPUT" and node.is_active_output), None)
+
+
+def _same(sockets, socket):
+    """A group's socket on the other side of its border."""
+    return next(other for other in sockets if other.identifier == socket.identifier)
+
+
+def _map_named(source, material, node, before, out):
+    """The UV map that the output of the node `before` gives."""
+    if before.type == "TEX_COORD" and out.name == "UV":
+        return _shown_uv(source.data)
+    if before.type == "UVMAP":
+        name = before.uv_map or _shown_uv(source.data)
+    elif (
+        before.type == "ATTRIBUTE" and before.attribute_type == "GEOMETRY" and out.name in {"Vector", "Color"}
+    ):
+        name = before.attribute_name
+    else:
+        raise _without_uv(material, node, f"by {out.name} of '{before.name}'")
+    if name not in source.data.uv_layers:
+        raise _without_uv(material, node, f"by '{name}', which is no UV map of '{source.name}',")
+    return name
+
+
+def _mapping(material, node, mapping):
+    """What a Mapping node does to a point, as a matrix (4, 4)."""
+    values = [mapping.inputs[name] for name in ("Location", "Rotation", "Scale")]
+    if mapping.vector_type == "NORMAL" or any(socket.is_linked for socket in values):
+        raise _without_uv(material, node, f"by '{mapping.name}', whose values are not fixed numbers")
+    location, rotation, scale = (socket.default_value[:] for socket in values)
+    if mapping.vector_type == "TEXTURE":
+        back = Matrix.Diagonal([1.0 / s if s else 0.0 for s in scale]).to_4x4()
+        return (
+            back @ Euler(rotation).to_matrix().transposed().to_4x4() @ Matrix.Translation(location).inverted()
+        )
+    if mapping.vector_type == "VECTOR":
+        location = (0.0, 0.0, 0.0)
+    return Matrix.LocRotScale(location, Euler(rotation), scale)
+
+
+def _normals(source, material, groups, node):
+    found = normal_maps(groups, node)
+    if not found:
+        return None
+    for normal_map, _ in found:
+        if normal_map.space != "TANGENT":
+            raise UnusableObjectError(
+                f"Image '{node.image.name}' of material '{material.name}' holds normals that are not in "
+                f"Tangent space (node '{normal_map.name}'), which cannot be baked"
+            )
+    names = {normal_map.uv_map or _shown_uv(source.data) for normal_map, _ in found}
+    missing = sorted(name for name in names if name not in source.data.uv_layers)
+    if missing:
+        raise _without_uv(
+            material, node, f"with tangents of '{missing[0]}', which is no UV map of '{source.name}',"
+        )
+    return Normals(min(names), any(green_down for _, green_down in found))
+
+
+# Nodes out of which a normal map still comes when one goes in.
+PASSING = {
+    "REROUTE", "MIX", "MIX_RGB", "CURVE_RGB", "CURVE_VEC", "BRIGHTCONTRAST", "GAMMA", "HUE_SAT", "INVERT",
+    "MATH", "VECT_MATH", "CLAMP", "MAP_RANGE", "SEPARATE_COLOR", "SEPRGB", "SEPXYZ", "COMBINE_COLOR",
+    "COMBRGB", "COMBXYZ",
+}  # fmt: skip
+FACTORS = {"Fac", "Factor"}
+GREEN = 1
+
+
+def normal_maps(groups, node):
+    """Normal Map nodes that the image node ends in, each with whether green points down on the way to it."""
+    found, seen = {}, set()
+    open_ends = [(tuple(groups), node.outputs["Color"], None, False)]
+    while open_ends:
+        end = open_ends.pop()
+        if end in seen:
+            continue
+        seen.add(end)
+        groups, socket, channel, green_down = end
+        for link in socket.links:
+            after, into = link.to_node, link.to_socket
+            if link.is_muted or into.name in FACTORS:
+                continue
+            if after.type == "NORMAL_MAP":
+                directx = getattr(after, "convention", "OPENGL") == "DIRECTX"
+                found[after] = found.get(after, False) or green_down != directx
+            elif after.type == "GROUP" and after.node_tree is not None:
+                inputs = (n for n in after.node_tree.nodes if n.type == "GROUP_INPUT")
+                inner = (*groups, after)
+                open_ends += [(inner, _same(n.outputs, into), channel, green_down) for n in inputs]
+            elif after.type == "GROUP_OUTPUT" and groups:
+                open_ends.append((groups[:-1], _same(groups[-1].outputs, into), channel, green_down))
+            elif after.type in PASSING:
+                turned = green_down != (not after.mute and _turns_green(after, into, channel))
+                for place, out in enumerate(after.outputs):
+                    open_ends.append((groups, out, _channel_of(after, channel, place), turned))
+    return list(found.items())
+
+
+def _channel_of(node, channel, place):
+    """The colour's channel that leaves the node, None for the whole colour."""
+    if node.type.startswith("SEP"):
+        return place
+    return None if node.type.startswith("COMB") else channel
+
+
+def _turns_green(node, into, channel):
+    """Whether the node takes green to one minus green."""
+    if node.type == "CURVE_RGB" and channel is None:
+        node.mapping.initialize()
+        curve = node.mapping.curves[GREEN]
+        ends = [node.mapping.evaluate(curve, at) for at in (0.0, 1.0)]
+        return ends[0] > ends[1]
+    if channel != GREEN:
+        return False
+    if node.type == "MATH" and node.operation == "SUBTRACT":
+        return into == node.inputs[1] and not node.inputs[0].is_linked and node.inputs[0].default_value == 1.0
+    if node.type == "MATH" and node.operation == "MULTIPLY_ADD":
+        return into == node.inputs[0] and node.inputs[1].default_value < 0.0
+    return node.type == "INVERT"
