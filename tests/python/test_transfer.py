@@ -94,8 +94,8 @@ def test_displacements_turn_and_grow_with_the_body(character):
     np.testing.assert_allclose(way.displacements(field, turn_only=True), field[old] @ turn.T, atol=1e-9)
 
 
-def test_a_mirrored_map_mirrors_displacements(character):
-    """A left half moved to the right: directions along the mirror's axis turn round."""
+def test_a_mirrored_map_mirrors_what_it_carries(character):
+    """A left half moved to the right: directions along the mirror's axis turn round, joints go across."""
     vertices, faces = character.vertices, character.faces
     mirror = np.array([-1.0, 1.0, 1.0])
     triangle, corner = np.empty(len(vertices), int), np.empty(len(vertices), int)
@@ -106,6 +106,13 @@ def test_a_mirrored_map_mirrors_displacements(character):
     )
     field = np.random.default_rng(2).normal(size=vertices.shape)
     np.testing.assert_allclose(way.displacements(field), field * mirror, atol=1e-9)
+    joints = character.body.starts
+    places, turns, _ = way.joints(joints)
+    np.testing.assert_allclose(places, joints * mirror, atol=1e-8)
+    np.testing.assert_allclose(turns, np.broadcast_to(np.diag(mirror), turns.shape), atol=1e-8)
+    piece = 0.1 * field + joints[0]
+    moved = way.followed(piece, np.zeros(len(piece), int))
+    np.testing.assert_allclose(moved, piece * mirror, atol=1e-8)
 
 
 def test_uvs_come_back_on_a_copy():

@@ -11,16 +11,17 @@ pub struct Similarity {
     pub from: Point,
     /// Centre of the points to which they go.
     pub to: Point,
-    /// Rows of the rotation.
+    /// Rows of the rotation, or of a mirroring one.
     pub turn: [Point; 3],
     /// Scale, positive.
     pub scale: f64,
 }
 
 impl Similarity {
-    /// The best in the least-squares sense between weighted pairs of points.
+    /// The best in the least-squares sense between weighted pairs of points, of those that mirror
+    /// or of those that do not.
     #[must_use]
-    pub fn fitted(pairs: &[(Point, Point, f64)]) -> Self {
+    pub fn fitted(pairs: &[(Point, Point, f64)], mirrored: bool) -> Self {
         let total: f64 = pairs.iter().map(|p| p.2).sum();
         let mean = |pick: fn(&(Point, Point, f64)) -> Point| {
             pairs.iter().fold([0.0; 3], |sum, p| {
@@ -42,7 +43,7 @@ impl Similarity {
         Self {
             from,
             to,
-            turn: nearest_turn(&covariance, false),
+            turn: nearest_turn(&covariance, mirrored),
             scale: if scale.is_finite() && scale > 0.0 {
                 scale
             } else {

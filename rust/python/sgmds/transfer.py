@@ -279,8 +279,8 @@ class SurfaceMap:
         """Joints of a rig (joints, 3) placed in the target, each by the surface around it.
 
         `influence` is a pair of source vertices and weights for each joint; with it only these vertices and
-        their surroundings place the joint. Returns positions (joints, 3), rotations (joints, 3, 3) and
-        scales (joints,) of the body there.
+        their surroundings place the joint. Returns positions (joints, 3), rotations (joints, 3, 3), mirroring
+        ones where the map mirrors, and scales (joints,) of the body there.
         """
         positions = _array("positions", positions, np.float64, None, 3)
         rows = [((), ())] * len(positions) if influence is None else influence

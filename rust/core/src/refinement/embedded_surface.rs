@@ -881,7 +881,7 @@ impl<'a> Refined<'a> {
     fn place_moving_on_still(&mut self) {
         let placing = Similarity {
             scale: self.lengths,
-            ..Similarity::fitted(&self.matched())
+            ..Similarity::fitted(&self.matched(), false)
         };
         let rotation = Mat::from_fn(3, 3, |i, j| placing.scale * placing.turn[i][j]);
         let centre = placing.apply([0.0; 3]);
@@ -912,7 +912,7 @@ impl<'a> Refined<'a> {
     /// Besl, `McKay`, "A method for registration of 3-D shapes", 1992, from the map found.
     fn settle_coinciding(&mut self, check: Check<'_>) -> Result<()> {
         let matched = self.matched();
-        let motion = Similarity::fitted(&matched);
+        let motion = Similarity::fitted(&matched, false);
         let (mut total, mut square) = (0.0, 0.0);
         for (p, q, w) in matched {
             total += w;
@@ -925,7 +925,7 @@ impl<'a> Refined<'a> {
         let deformed = self.deformed.clone();
         let images = [self.moving.images.clone(), self.still.images.clone()];
         for _ in 0..MOVES {
-            let motion = Similarity::fitted(&self.matched());
+            let motion = Similarity::fitted(&self.matched(), false);
             let places = &self.moving.shape.mesh.vertices;
             let moved: Vec<Point> = places.iter().map(|&p| motion.apply(p)).collect();
             self.deformed = as_matrix(&moved);

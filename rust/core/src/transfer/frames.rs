@@ -32,6 +32,12 @@ impl Frame {
         self.turn
             .map(|row| self.scale * vector::dot(row, displacement))
     }
+
+    /// Whether it turns left into right.
+    #[must_use]
+    pub fn mirrors(&self) -> bool {
+        determinant(&self.turn) < 0.0
+    }
 }
 
 /// Sums over the edges at a vertex from which its frame is fitted.
@@ -83,10 +89,7 @@ pub fn frames(map: &SurfaceMap) -> Vec<Frame> {
             covariance
         })
         .collect();
-    let sides: f64 = with_normals
-        .iter()
-        .map(|m| vector::dot(m[0], vector::cross(m[1], m[2])).signum())
-        .sum();
+    let sides: f64 = with_normals.iter().map(|m| determinant(m).signum()).sum();
     let mirrored = sides < 0.0;
     let usual = usual_scale(&moments);
     (0..n)
@@ -154,6 +157,10 @@ fn usual_scale(moments: &[Moments]) -> f64 {
     } else {
         1.0
     }
+}
+
+fn determinant(m: &Matrix) -> f64 {
+    vector::dot(m[0], vector::cross(m[1], m[2]))
 }
 
 fn outer(a: Point, b: Point) -> Matrix {

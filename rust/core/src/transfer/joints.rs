@@ -23,7 +23,7 @@ const WIDENINGS: usize = 8;
 pub struct Joint {
     /// Position in the target's coordinates.
     pub position: Point,
-    /// Rows of the rotation from source to target.
+    /// Rows of the rotation from source to target, a mirroring one where the map mirrors.
     pub turn: [Point; 3],
     /// Length on the target for a unit of length on the source.
     pub scale: f64,
@@ -55,6 +55,7 @@ pub fn fitted_joints(
         });
     }
     let areas = map.target.vertex_areas();
+    let mirrored = map.mirrors();
     Ok(joints
         .par_iter()
         .enumerate()
@@ -67,12 +68,18 @@ pub fn fitted_joints(
                     weight[v as usize] += w;
                 }
             }
-            fitted(map, &areas, joint, &weight)
+            fitted(map, &areas, joint, &weight, mirrored)
         })
         .collect())
 }
 
-fn fitted(map: &SurfaceMap, areas: &[f64], joint: Point, influence: &[f64]) -> Joint {
+fn fitted(
+    map: &SurfaceMap,
+    areas: &[f64],
+    joint: Point,
+    influence: &[f64],
+    mirrored: bool,
+) -> Joint {
     let share = |v: usize| {
         let point = &map.points[v];
         let own = if influence.is_empty() {
@@ -116,7 +123,7 @@ fn fitted(map: &SurfaceMap, areas: &[f64], joint: Point, influence: &[f64]) -> J
         .into_iter()
         .map(|(v, w)| (map.images()[v], map.target.vertices[v], w))
         .collect();
-    let similarity = Similarity::fitted(&pairs);
+    let similarity = Similarity::fitted(&pairs, mirrored);
     Joint {
         position: similarity.apply(joint),
         turn: similarity.turn,

@@ -154,7 +154,7 @@ impl SurfaceMap {
                 (self.target.vertices[v], self.images()[v], weight)
             })
             .collect();
-        Similarity::fitted(&pairs)
+        Similarity::fitted(&pairs, self.mirrors())
     }
 
     /// Points near the source, such as those of clothes, where the target's surface takes them.
@@ -175,7 +175,7 @@ impl SurfaceMap {
                 ),
             });
         }
-        let frames = self.frames();
+        let (frames, mirrored) = (self.frames(), self.mirrors());
         let tree = SpaceTree::new(self.images());
         let around = self.target_neighbours();
         let mut moved: Vec<Point> = points
@@ -205,7 +205,7 @@ impl SurfaceMap {
         for piece in order.chunk_by(|&a, &b| pieces[a] == pieces[b]) {
             let pairs: Vec<(Point, Point, f64)> =
                 piece.iter().map(|&i| (points[i], moved[i], 1.0)).collect();
-            let similarity = Similarity::fitted(&pairs);
+            let similarity = Similarity::fitted(&pairs, mirrored);
             for &i in piece {
                 moved[i] = similarity.apply(points[i]);
             }

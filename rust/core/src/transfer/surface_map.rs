@@ -95,6 +95,12 @@ impl SurfaceMap {
     pub fn frames(&self) -> &[Frame] {
         self.frames.get_or_init(|| frames::frames(self))
     }
+
+    /// Whether the map turns left into right, as its frames were decided to.
+    #[must_use]
+    pub fn mirrors(&self) -> bool {
+        self.frames().first().is_some_and(Frame::mirrors)
+    }
 }
 
 /// Checks that an argument has as many rows as it should.
