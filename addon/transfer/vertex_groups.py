@@ -1,15 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Vertex groups: weights carried by the core; locked groups and masked vertices keep what they have."""
 
+from contextlib import contextmanager
+
 import bmesh
-import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
 
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import write_attribute
 from .kind import Kind, Prepared
+from .sides import names_on_target
 
+# Weights that sum to this much more than 1 are single precision's.
+SUM_ROUNDING = 1e-3
 # On the target, where vertices were filled from their neighbours because their images were rejected.
 FILLED = "match_filled"
 
@@ -19,12 +23,14 @@ def names(source):
 
 
 def prepare(route, wanted, options):
-    groups = _targets(route, wanted, options)
+    groups, notes = names_on_target(wanted, options)
+    locks = {group.name for group in route.target.vertex_groups if group.lock_weight}
+    locked = np.array([name in locks for name in groups.values()], bool)
     own = read_weights(route.target)
     masked = _masked(route.target, own, options.group_mask)
-    deforming = _deforming(route.source, list(groups))
+    deforming = _deforming(route.source, wanted)
     carried = route.map.skin_weights(
-        *_rows(route.source, list(groups)),
+        *_rows(route.source, wanted),
         len(groups),
         deforming=deforming,
         reject_below=options.reject_below,
@@ -32,18 +38,19 @@ def prepare(route, wanted, options):
         prune=options.prune,
         limit=options.limit if options.limit_total else None,
         normalize=options.normalize,
-        room=_room(route, own, deforming.any()),
+        locked=_locked(route, own, locked) if locks else None,
     )
     count = len(route.target_points)
     vertex = np.repeat(np.arange(count), np.diff(carried.starts))
     kept = masked[vertex]
-    weights = vertex[kept], carried.groups[kept], carried.weights[kept]
+    written = [name for name in groups.values() if name not in locks]
+    place = np.cumsum(~locked) - 1
+    weights = vertex[kept], place[carried.groups[kept]], carried.weights[kept]
     filled = np.zeros(count, bool)
     filled[carried.filled] = True
-    notes = []
-    locked = len(wanted) - len(groups)
-    if locked:
-        notes.append(f"{locked} locked vertex groups of '{route.target.name}' were left as they are")
+    if locked.any():
+        notes.append(f"{locked.sum()} locked vertex groups of '{route.target.name}' were left as they are")
+    notes += _beside(route, own, masked, written, weights)
     if filled.any():
         notes.append(
             f"{filled.sum()} vertices of '{route.target.name}' were filled from their neighbours: "
@@ -51,18 +58,11 @@ def prepare(route, wanted, options):
         )
 
     def write():
-        write_weights(route.target, list(groups.values()), weights, masked)
+        write_weights(route.target, written, weights, masked)
         if filled.any() or FILLED in route.target.data.attributes:
             write_attribute(route.target.data, FILLED, "BOOLEAN", "POINT", filled)
 
     return Prepared(write, tuple(notes))
-
-
-def _targets(route, wanted, options):
-    """The target's name for each of the source's groups, without those that are locked there."""
-    named = {name: bpy.utils.flip_name(name) if options.mirror_names else name for name in wanted}
-    locks = {group.name for group in route.target.vertex_groups if group.lock_weight}
-    return {name: other for name, other in named.items() if other not in locks}
 
 
 def read_weights(obj):
@@ -104,27 +104,81 @@ def _masked(target, own, name):
     return masked
 
 
-def _room(route, own, any_deforming):
-    """What the target's locked deforming groups leave of each vertex's sum, or None without such groups."""
+def _locked(route, own, locked):
+    """What the target's locked deforming groups hold: which of ours they are, sum and number a vertex."""
     target = route.target
-    locked = np.array([group.lock_weight for group in target.vertex_groups], bool)
-    if not any_deforming or not locked.any():
-        return None
-    locked &= _deforming(route.source, [group.name for group in target.vertex_groups])
+    held = np.array([group.lock_weight for group in target.vertex_groups], bool)
+    held &= _deforming(route.source, [group.name for group in target.vertex_groups])
     vertex, group, weight = own
-    used = locked[group]
-    return 1.0 - np.bincount(vertex[used], weight[used], minlength=len(route.target_points))
+    used = held[group]
+    count = len(route.target_points)
+    return (
+        locked,
+        np.bincount(vertex[used], weight[used], minlength=count),
+        np.bincount(vertex[used & (weight > 0.0)], minlength=count),
+    )
+
+
+def _beside(route, own, masked, written, weights):
+    """A note when groups of other bones, neither carried nor locked, lift the sums beyond one."""
+    bones = _bones(route.source) | _bones(route.target)
+    others = [
+        group
+        for group in route.target.vertex_groups
+        if bones.get(group.name) and group.name not in written and not group.lock_weight
+    ]
+    count = len(route.target_points)
+    vertex, group, weight = own
+    kept = np.isin(group, [other.index for other in others]) & masked[vertex]
+    ours = np.array([bones.get(name, False) for name in written], bool)[weights[1]]
+    beside = np.bincount(vertex[kept], weight[kept], minlength=count)
+    sums = np.bincount(weights[0][ours], weights[2][ours], minlength=count)
+    over = (beside > 0.0) & (beside + sums > 1.0 + SUM_ROUNDING)
+    if not over.any():
+        return []
+    named = [other.name for other in others if over[vertex[group == other.index]].any()]
+    return [
+        f"Weights of {over.sum()} vertices of '{route.target.name}' sum to more than 1, because groups of "
+        f"other bones move them too: {', '.join(named)}. Remove these groups, or lock those that shall stay "
+        "and transfer again"
+    ]
+
+
+def _bones(obj):
+    """Whether each bone of the object's armatures deforms, by its name."""
+    return {
+        bone.name: bone.use_deform
+        for modifier in obj.modifiers
+        if modifier.type == "ARMATURE" and modifier.object is not None
+        for bone in modifier.object.data.bones
+    }
 
 
 def _deforming(source, wanted):
     """True for each group that moves with a bone; all of them when the source has no armature to ask."""
-    bones = {
-        bone.name: bone.use_deform
-        for modifier in source.modifiers
-        if modifier.type == "ARMATURE" and modifier.object is not None
-        for bone in modifier.object.data.bones
-    }
+    bones = _bones(source)
     return np.array([bones.get(name, not bones) for name in wanted], bool)
+
+
+@contextmanager
+def _kept_shapes(mesh):
+    """Coordinates of mesh and shape keys stay: where they disagree, `BMesh.to_mesh` would move the keys."""
+    blocks = [] if mesh.shape_keys is None else list(mesh.shape_keys.key_blocks)
+    places = [mesh.vertices, *(block.data for block in blocks)]
+    kept = [_coordinates(place) for place in places[:2]]
+    if len(kept) < 2 or np.array_equal(*kept):
+        yield
+        return
+    kept += [_coordinates(place) for place in places[2:]]
+    yield
+    for place, values in zip([mesh.vertices, *(block.data for block in blocks)], kept, strict=True):
+        place.foreach_set("co", values)
+
+
+def _coordinates(place):
+    values = np.empty(len(place) * 3, np.float32)
+    place.foreach_get("co", values)
+    return values
 
 
 def write_weights(target, wanted, weights, masked=None):
@@ -135,22 +189,23 @@ def write_weights(target, wanted, weights, masked=None):
         slots.append(group.index)
     vertex, group, weight = weights
     entries = np.array(slots, np.int64)[group].tolist()
-    edited = bmesh.new()
-    try:
-        edited.from_mesh(target.data)
-        deform = edited.verts.layers.deform.verify()
-        rows = [vert[deform] for vert in edited.verts]
-        chosen = range(len(rows)) if masked is None else np.flatnonzero(masked).tolist()
-        ours = set(slots)
-        for place in chosen:
-            row = rows[place]
-            for slot in ours.intersection(row.keys()):
-                del row[slot]
-        for place, slot, value in zip(vertex.tolist(), entries, weight.tolist(), strict=True):
-            rows[place][slot] = value
-        edited.to_mesh(target.data)
-    finally:
-        edited.free()
+    with _kept_shapes(target.data):
+        edited = bmesh.new()
+        try:
+            edited.from_mesh(target.data)
+            deform = edited.verts.layers.deform.verify()
+            rows = [vert[deform] for vert in edited.verts]
+            chosen = range(len(rows)) if masked is None else np.flatnonzero(masked).tolist()
+            ours = set(slots)
+            for place in chosen:
+                row = rows[place]
+                for slot in ours.intersection(row.keys()):
+                    del row[slot]
+            for place, slot, value in zip(vertex.tolist(), entries, weight.tolist(), strict=True):
+                rows[place][slot] = value
+            edited.to_mesh(target.data)
+        finally:
+            edited.free()
 
 
 KIND = Kind(
@@ -200,7 +255,8 @@ KIND = Kind(
         "mirror_names": BoolProperty(
             name="Mirror Names",
             default=False,
-            description="Exchange .L and .R in the names: for a match that turned left into right",
+            description="Exchange .L and .R in the names of vertex groups, shape keys and bones: for a match "
+            "that turned left into right",
         ),
         "group_mask": StringProperty(
             name="Mask",

@@ -10,7 +10,7 @@ from conftest import lumpy, new_object, renumbered, triangle_vertices, turned
 from mathutils import Matrix
 from test_transfer import ball, store_map, store_nearest, transfer, weights_of, without_data
 
-from addon import mesh_read
+from addon import mesh_read, notice
 from addon.mesh_write import read_attribute, write_attribute
 from addon.transfer.normals import corner_normals
 from addon.transfer.shape_keys import read_key
@@ -685,8 +685,37 @@ def test_locked_groups_and_masked_vertices_keep_what_they_have(scene):
     carried = weights_of(target)
     assert all(carried[v, "A"] == pytest.approx(0.2) for v in range(count))
     assert {v for v, name in carried if name == "B"} == set(range(10))
+    # As Normalize All leaves it: the row sums to 1 as the source's does.
+    assert carried[0, "B"] == pytest.approx(0.8)
     transfer(source, target, kinds="groups", mirror_names=True)
     assert (50, "B") in weights_of(target)
+
+
+def test_weights_of_other_bones_are_told_of(copies):
+    """The target still hangs on a bone that is not carried, in a group that is not locked."""
+    source, target, _, _ = copies
+    rigged(copies)
+    data = source.modifiers["Rig"].object.data
+    data.bones["High"].name = "Old"
+    source.vertex_groups["Old"].name = "Other"
+    target.vertex_groups.new(name="Old").add(range(7), 1.0, "REPLACE")
+    transfer(source, target, kinds="groups", items="groups/Low")
+    low = {v for (v, name), weight in weights_of(target).items() if name == "Low" and weight > 1e-3}
+    assert f"Weights of {len(low & set(range(7)))} vertices" in notice.words
+    assert "other bones move them too: Old." in notice.words
+
+
+def test_weights_leave_shape_keys_as_they_are(copies):
+    """The mesh may differ from its Basis, as scripts leave it."""
+    source, target, _, _ = copies
+    source.vertex_groups.new(name="A").add(range(9), 1.0, "REPLACE")
+    add_key(target, "Open", 0.1)
+    apart = mesh_read.positions(target.data) + np.float32(0.05)
+    target.data.vertices.foreach_set("co", apart.ravel())
+    before = [read_key(key) for key in target.data.shape_keys.key_blocks]
+    transfer(source, target, kinds="groups")
+    np.testing.assert_array_equal([read_key(key) for key in target.data.shape_keys.key_blocks], before)
+    np.testing.assert_array_equal(mesh_read.positions(target.data), apart)
 
 
 def test_names_are_mirrored_on_request(scene):

@@ -190,6 +190,25 @@ def test_limited_rows_sum_to_one(character):
     np.testing.assert_allclose(few.dense(table.shape[1]).sum(axis=1), 1.0, atol=1e-12)
 
 
+def test_carried_rows_share_what_locked_groups_leave(character):
+    """Of every vertex the target keeps 0.3 in two groups, the first of which would be carried too."""
+    way, old, _, _ = copy_map(character.vertices, character.faces)
+    table = character.weights.copy()
+    table[:, 0] = 0.25
+    table /= table.sum(axis=1, keepdims=True)
+    count, groups = table.shape
+    vertex, group = np.nonzero(table)
+    starts = np.append(0, np.cumsum((table > 0).sum(axis=1)))
+    locked = np.arange(groups) == 0, np.full(count, 0.3), np.full(count, 2)
+    rows = way.skin_weights(starts, group, table[vertex, group], groups, locked=locked)
+    others = np.where(locked[0], 0.0, table)
+    expected = 0.7 * others / others.sum(axis=1, keepdims=True)
+    np.testing.assert_allclose(rows.dense(groups), expected[old], atol=1e-12)
+    few = way.skin_weights(starts, group, table[vertex, group], groups, locked=locked, limit=3)
+    assert np.diff(few.starts).max() == 1
+    np.testing.assert_allclose(few.dense(groups).sum(axis=1), 0.7, atol=1e-12)
+
+
 def test_rejected_vertices_are_filled_between_their_neighbours(character):
     """Filled values lie within the range of the rim: the discrete maximum principle."""
     count = len(character.vertices)

@@ -217,16 +217,25 @@ class SurfaceMap:
         prune: float = 0.0,
         limit: int | None = None,
         normalize: bool = True,
-        room: ArrayLike | None = None,
+        locked: tuple[ArrayLike, ArrayLike, ArrayLike] | None = None,
     ) -> SkinWeights:
         """Vertex groups, given in compressed rows of the source's vertices.
 
         Images trusted less than `reject_below` are rejected and their vertices filled from the others;
         `smoothing` counts rounds along the surface. Weights below `prune` are dropped, of the `deforming`
         groups (all by default) at most `limit` stay, and `normalize` scales these back to the sum that came
-        across, or to the `room` (n_target,) that locked groups leave.
+        across. `locked` are deforming groups that the target keeps: which of the given groups are among them
+        (group_count,), and their sum and number at each target vertex, (n_target,) each. The carried weights
+        share what these leave of sum and limit.
         """
         deforming = np.ones(group_count, bool) if deforming is None else deforming
+        if locked is not None:
+            groups_locked, sums, counts = locked
+            locked = (
+                _array("locked groups", groups_locked, np.bool_, group_count),
+                _array("locked sums", sums, np.float64, self._target_count),
+                _array("locked counts", counts, np.uint32, self._target_count),
+            )
         found = self._core.skin_weights(
             _array("starts", starts, np.uint32, self._source_count + 1),
             _array("groups", groups, np.uint32, None),
@@ -238,7 +247,7 @@ class SurfaceMap:
             prune,
             limit,
             normalize,
-            None if room is None else _array("room", room, np.float64, self._target_count),
+            locked,
         )
         return SkinWeights(*found)
 

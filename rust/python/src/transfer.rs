@@ -13,7 +13,7 @@ use sgmds_core::transfer::corners::{self, CornerValues, Polygons};
 use sgmds_core::transfer::diffusion::Diffusion;
 use sgmds_core::transfer::joints::fitted_joints;
 use sgmds_core::transfer::seam_cuts::seam_cuts;
-use sgmds_core::transfer::skin_weights::{SkinOptions, SkinWeights, carried_skin};
+use sgmds_core::transfer::skin_weights::{Locked, SkinOptions, SkinWeights, carried_skin};
 use sgmds_core::transfer::texture::{
     self, Bake, Content, Extension, Image, TangentSpace, Texture, Tile,
 };
@@ -285,7 +285,7 @@ impl SurfaceMap {
         prune: f64,
         limit: Option<usize>,
         normalize: bool,
-        room: Option<Vec<f64>>,
+        locked: Option<(Vec<bool>, Vec<f64>, Vec<u32>)>,
     ) -> PyResult<SkinRows<'py>> {
         let map = Arc::clone(&self.map);
         let found = watched(py, None, None, move |_| {
@@ -298,7 +298,11 @@ impl SurfaceMap {
                 limit,
                 normalize,
                 deforming: &deforming,
-                room: room.as_deref(),
+                locked: locked.as_ref().map(|(groups, sums, counts)| Locked {
+                    groups,
+                    sums,
+                    counts,
+                }),
             };
             carried_skin(&map, &source, &options)
         })?;

@@ -40,8 +40,20 @@ pub struct SkinOptions<'a> {
     pub normalize: bool,
     /// Which groups deform; the others are neither limited nor normalised.
     pub deforming: &'a [bool],
-    /// Largest sum of the deforming weights of each vertex: what its locked groups leave.
-    pub room: Option<&'a [f64]>,
+    /// What the target keeps.
+    pub locked: Option<Locked<'a>>,
+}
+
+/// Deforming weights that the target keeps: the carried ones share what these leave.
+#[derive(Debug, Clone, Copy)]
+pub struct Locked<'a> {
+    /// Which of the carried groups are among them. They count in the sum that comes across, and do
+    /// not arrive.
+    pub groups: &'a [bool],
+    /// Their sum at each vertex of the target.
+    pub sums: &'a [f64],
+    /// Their number at each vertex of the target, for the limit.
+    pub counts: &'a [u32],
 }
 
 /// Carried weights and which vertices were filled.
@@ -167,8 +179,14 @@ pub fn carried_skin(
         map.source.vertices.len(),
     )?;
     check_rows("deforming", options.deforming.len(), options.groups)?;
-    if let Some(room) = options.room {
-        check_rows("room", room.len(), map.target.vertices.len())?;
+    if let Some(locked) = options.locked {
+        check_rows("locked groups", locked.groups.len(), options.groups)?;
+        check_rows("locked sums", locked.sums.len(), map.target.vertices.len())?;
+        check_rows(
+            "locked counts",
+            locked.counts.len(),
+            map.target.vertices.len(),
+        )?;
     }
     let fresh = || Accumulator::new(options.groups);
     let mut rows: Vec<Vec<(u32, f64)>> = map
@@ -203,7 +221,7 @@ pub fn carried_skin(
     }
     rows.par_iter_mut()
         .enumerate()
-        .for_each(|(v, row)| finish(row, options, options.room.map(|room| room[v])));
+        .for_each(|(v, row)| finish(row, options, v));
     Ok(CarriedSkin {
         skin: SkinWeights::from_rows(rows),
         filled,
@@ -280,7 +298,7 @@ fn smoothed(
         .collect()
 }
 
-fn finish(row: &mut Vec<(u32, f64)>, options: &SkinOptions<'_>, room: Option<f64>) {
+fn finish(row: &mut Vec<(u32, f64)>, options: &SkinOptions<'_>, v: usize) {
     let deforms = |g: u32| options.deforming[g as usize];
     let sum = |row: &[(u32, f64)]| -> f64 {
         row.iter()
@@ -292,35 +310,36 @@ fn finish(row: &mut Vec<(u32, f64)>, options: &SkinOptions<'_>, room: Option<f64
     if (wanted - 1.0).abs() < SUM_ROUNDING {
         wanted = 1.0;
     }
-    let wanted = room.map_or(wanted, |room| wanted.min(room.max(0.0)));
-    let strongest = row
-        .iter()
-        .copied()
-        .filter(|&(g, _)| deforms(g))
-        .max_by(|a, b| a.1.total_cmp(&b.1));
-    row.retain(|&(_, w)| w >= options.prune && w > 0.0);
-    if let Some(most) = options.limit {
-        let mut strengths: Vec<(f64, u32)> = row
-            .iter()
-            .filter(|&&(g, _)| deforms(g))
-            .map(|&(g, w)| (w, g))
-            .collect();
-        strengths.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-        strengths.truncate(most);
-        row.retain(|&(g, _)| !deforms(g) || strengths.iter().any(|&(_, kept)| kept == g));
+    let bound = wanted >= 1.0;
+    let mut most = options.limit.unwrap_or(usize::MAX);
+    if let Some(locked) = options.locked {
+        wanted = (wanted - locked.sums[v]).max(0.0);
+        most = most.saturating_sub(locked.counts[v] as usize);
+        row.retain(|&(g, _)| !locked.groups[g as usize]);
     }
+    let mut strengths: Vec<(f64, u32)> = row
+        .iter()
+        .filter(|&&(g, _)| deforms(g))
+        .map(|&(g, w)| (w, g))
+        .collect();
+    strengths.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
+    strengths.truncate(most);
+    row.retain(|&(g, w)| {
+        w >= options.prune && (!deforms(g) || strengths.iter().any(|&(_, kept)| kept == g))
+    });
     if options.normalize {
         let left = sum(row);
         if left > 0.0 {
             for entry in row.iter_mut().filter(|&&mut (g, _)| deforms(g)) {
                 entry.1 *= wanted / left;
             }
-        } else if let (Some((g, _)), true) = (strongest, wanted >= 1.0) {
+        } else if let (Some(&(_, g)), true) = (strengths.first(), bound) {
             // Pruned away altogether: a vertex that was bound stays bound.
             row.push((g, wanted));
             row.sort_unstable_by_key(|e| e.0);
         }
     }
+    row.retain(|&(_, w)| w > 0.0);
     for entry in row.iter_mut() {
         entry.1 = entry.1.min(1.0);
     }
