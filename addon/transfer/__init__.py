@@ -19,6 +19,7 @@ from . import (
     vertex_groups,
 )
 from .kind import Kind, Prepared
+from .redirect import redirect
 from .route import Route
 
 __all__ = ["KINDS", "Kind", "Prepared", "TransferChoice", "TransferOptions", "carry_all", "checked"]
@@ -95,6 +96,8 @@ def carry_all(target, options, chosen):
         ]
     for part in prepared:
         part.write()
+    if any(wanted[kind.identifier] for kind in (shape_keys.KIND, armatures.KIND, companions.KIND)):
+        redirect(route, options)
     target.data.update()
     return notes + [note for part in prepared for note in part.notes]
 

@@ -7,38 +7,68 @@ import bpy
 import numpy as np
 from mathutils import Matrix, Vector
 
+from ..mesh_read import UnusableObjectError
 from .kind import Kind, Prepared
+from .sides import names_on_target, rename
 from .vertex_groups import read_weights
 
 # On the armature data of a fitted rig, and on the copy of a companion: the name of what it was made from.
 MADE_FROM = "spectral_match_made_from"
 # Ends of bones nearer than this share of the rig's size are one joint.
 SAME_JOINT = 1e-5
-# A bone shorter than this would be deleted by Blender.
-SHORTEST_BONE = 1e-4
+# Blender deletes bones up to 1e-6 long.
+SHORTEST_BONE = 2e-6
+# What an Armature modifier is set to.
+MODIFIER_SETTINGS = (
+    "use_vertex_groups",
+    "use_bone_envelopes",
+    "use_deform_preserve_volume",
+    "use_multi_modifier",
+    "vertex_group",
+    "invert_vertex_group",
+)
+# What places an object, as paths of its animation begin.
+TRANSFORMS = ("location", "rotation", "scale", "delta_")
+# Modifiers that refine or follow a surface that the rig has posed.
+AFTER_ARMATURE = ("SUBSURF", "MULTIRES", "SOLIDIFY", "CORRECTIVE_SMOOTH", "SMOOTH", "CLOTH")
 
 
 def _modifiers(obj):
     return [m for m in obj.modifiers if m.type == "ARMATURE" and m.object is not None]
 
 
+def rigs(source):
+    """The armature objects that deform the source, each once."""
+    return list(dict.fromkeys(modifier.object for modifier in _modifiers(source)))
+
+
 def names(source):
-    return list(dict.fromkeys(modifier.object.name for modifier in _modifiers(source)))
+    return list(dict.fromkeys(rig.name for rig in rigs(source)))
 
 
-def prepare(route, wanted, _options):
-    fitted = [(bpy.data.objects[name], *_fit(route, bpy.data.objects[name])) for name in wanted]
+def prepare(route, wanted, options):
+    fitted, notes = [], []
+    for rig in rigs(route.source):
+        if rig.name not in wanted:
+            continue
+        if rig.mode == "EDIT":
+            rig.update_from_editmode()
+        if not rig.data.bones:
+            raise UnusableObjectError(f"'{rig.name}' has no bones. Add bones to it, or leave it unchecked")
+        named, words = names_on_target([bone.name for bone in rig.data.bones], options)
+        notes += words
+        fitted.append((rig, named, *_fit(route, rig)))
 
     def write():
-        for rig, joints, ends in fitted:
-            _write(route, rig, joints, ends)
+        for rig, named, joints, ends in fitted:
+            _write(route, rig, named, joints, ends)
 
-    return Prepared(write)
+    return Prepared(write, tuple(notes))
 
 
 def _fit(route, rig):
     """Fitted joints (positions, turns, scales in the target's space), and the joints of each bone's ends."""
-    to_source = np.array(route.source.matrix_world.inverted_safe() @ rig.matrix_world)
+    to_source = np.array(route.source_to_world.inverted_safe() @ rig.matrix_world)
     bones = list(rig.data.bones)
     ends = np.array([[bone.head_local, bone.tail_local] for bone in bones], np.float64).reshape(-1, 3)
     ends = ends @ to_source[:3, :3].T + to_source[:3, 3]
@@ -47,7 +77,7 @@ def _fit(route, rig):
         np.round(ends / max(size * SAME_JOINT, 1e-12)), axis=0, return_index=True, return_inverse=True
     )
     joint = joint.reshape(-1, 2)
-    return route.map.joints(ends[first], _influence(route.source, bones, joint)), joint
+    return route.map_as_seen.joints(ends[first], _influence(route.source, bones, joint)), joint
 
 
 def _influence(source, bones, joint):
@@ -73,17 +103,16 @@ def _influence(source, bones, joint):
     return rows
 
 
-def _write(route, rig, fitted, ends):
+def _write(route, rig, named, fitted, ends):
     positions, turns, scales = fitted
-    target = route.target
-    own = _own_rig(route, rig)
-    place = own.matrix_world.inverted() @ target.matrix_world
+    own = _own_rig(route, rig, named)
+    place = own.matrix_world.inverted() @ route.target_to_world
     # The source rig's axes as directions on the source's surface.
-    axes = (route.source.matrix_world.inverted_safe() @ rig.matrix_world).to_3x3()
+    axes = (route.source_to_world.inverted_safe() @ rig.matrix_world).to_3x3()
     wanted = {}
     for bone, (head, tail) in zip(rig.data.bones, ends, strict=True):
         up = Matrix(turns[head].tolist()) @ (axes @ bone.matrix_local.to_3x3().col[2])
-        wanted[bone.name] = (
+        wanted[named[bone.name]] = (
             place @ Vector(positions[head]),
             place @ Vector(positions[tail]),
             (place.to_3x3() @ up).normalized(),
@@ -92,39 +121,48 @@ def _write(route, rig, fitted, ends):
     with _editing(own):
         for bone in own.data.edit_bones:
             head, tail, up, scale = wanted[bone.name]
-            if (tail - head).length < SHORTEST_BONE:
-                tail = head + bone.vector.normalized() * SHORTEST_BONE
+            # In single precision a bone far from the origin has to be longer to have a length.
+            shortest = max(SHORTEST_BONE, 4.0 * float(np.finfo(np.float32).eps) * head.length)
+            if (tail - head).length < shortest:
+                tail = head + bone.vector.normalized() * shortest
             before = bone.length
             bone.head, bone.tail = head, tail
             bone.align_roll(up)
             grown = bone.length / before if before > 0.0 else scale
             for radius in ("head_radius", "tail_radius", "envelope_distance"):
                 setattr(bone, radius, getattr(bone, radius) * grown)
+    _fit_constraints(rig, own, named)
 
 
-def _own_rig(route, rig):
+def fitted_rig(target, rig):
+    """The target's rig that was made from `rig` before, or None."""
+    return next((m.object for m in _modifiers(target) if m.object.data.get(MADE_FROM) == rig.name), None)
+
+
+def _own_rig(route, rig, named):
     """The target's rig made from `rig` before, or a copy of it that deforms the target."""
     target = route.target
-    bones = {bone.name for bone in rig.data.bones}
-    for modifier in _modifiers(target):
-        data = modifier.object.data
-        if data.get(MADE_FROM) == rig.name and {bone.name for bone in data.bones} == bones:
-            return modifier.object
+    before = fitted_rig(target, rig)
+    if before is not None and {bone.name for bone in before.data.bones} == set(named.values()):
+        return before
     own = rig.copy()
     own.data = rig.data.copy()
     own.name = own.data.name = f"{rig.name} {target.name}"
     own.data[MADE_FROM] = rig.name
     own.parent = None
+    hold_still(own)
+    # Before the target hangs on it, whose vertex groups Blender would rename with the bones.
+    _rename(own, named)
     for collection in target.users_collection:
         collection.objects.link(own)
     # A rig without the target's scale: poses are edited in it.
     location, rotation, _ = target.matrix_world.decompose()
     own.matrix_world = Matrix.LocRotScale(location, rotation, None)
-    held = next((m for m in _modifiers(target) if m.object == rig), None)
+    held = next((m for m in _modifiers(target) if m.object in (rig, before)), None)
     if held is None:
-        held = target.modifiers.new(own.name, "ARMATURE")
+        held = _new_modifier(route, rig, own.name)
     held.object = own
-    if target.parent in (None, rig):
+    if target.parent in (None, rig, before):
         there = target.matrix_world.copy()
         target.parent = own
         target.matrix_world = there
@@ -132,11 +170,106 @@ def _own_rig(route, rig):
     return own
 
 
+def hold_still(own):
+    """Take from a copy what would move it as an object, away from the place that it is made for."""
+    own.constraints.clear()
+    held = own.animation_data
+    if held is None:
+        return
+    if held.action is not None and any(_moving(held.action)):
+        held.action = held.action.copy()
+        for curves, curve in list(_moving(held.action)):
+            curves.remove(curve)
+    for track in list(held.nla_tracks):
+        if any(strip.action is not None and any(_moving(strip.action)) for strip in track.strips):
+            held.nla_tracks.remove(track)
+    for curve in list(held.drivers):
+        if curve.data_path.startswith(TRANSFORMS):
+            held.drivers.remove(curve)
+
+
+def _moving(action):
+    """The curves of an action that move an object, each after the list that holds it."""
+    if hasattr(action, "fcurves"):
+        lists = [action.fcurves]
+    else:
+        # From Blender 5.0.
+        lists = [
+            bag.fcurves for layer in action.layers for strip in layer.strips for bag in strip.channelbags
+        ]
+    return ((curves, curve) for curves in lists for curve in curves if curve.data_path.startswith(TRANSFORMS))
+
+
+def _rename(own, named):
+    """Give a copy's bones their names on the target; constraints and drivers within it follow."""
+    if all(name == other for name, other in named.items()):
+        return
+    held = own.animation_data
+    if held is not None and held.action is not None:
+        held.action = held.action.copy()
+    rename(own.data.bones, named)
+
+
+def _new_modifier(route, rig, name):
+    """An Armature modifier set as that of the source, before those that take the posed surface."""
+    target = route.target
+    model = next(m for m in _modifiers(route.source) if m.object == rig)
+    place = next((i for i, m in enumerate(target.modifiers) if m.type in AFTER_ARMATURE), None)
+    made = target.modifiers.new(name, "ARMATURE")
+    for setting in MODIFIER_SETTINGS:
+        setattr(made, setting, getattr(model, setting))
+    if place is not None:
+        target.modifiers.move(len(target.modifiers) - 1, place)
+    return made
+
+
+def _fit_constraints(rig, own, named):
+    """Lengths and matrices that constraints of the rig store, as they are for the fitted bones at rest."""
+    for bone in rig.pose.bones:
+        fitted = own.pose.bones[named[bone.name]]
+        for constraint in bone.constraints:
+            copy = fitted.constraints.get(constraint.name)
+            if copy is None or getattr(copy, "target", None) is None or constraint.target is None:
+                continue
+            there, here = _at_rest(constraint), _at_rest(copy)
+            if constraint.type == "CHILD_OF" and constraint.inverse_matrix != Matrix():
+                copy.inverse_matrix = here.inverted_safe() @ there @ constraint.inverse_matrix
+            length = {"STRETCH_TO": "rest_length", "LIMIT_DISTANCE": "distance"}.get(constraint.type)
+            if length is not None:
+                before = (there.translation - _head_at_rest(rig, bone)).length
+                after = (here.translation - _head_at_rest(own, fitted)).length
+                if before > 0.0:
+                    setattr(copy, length, getattr(constraint, length) * after / before)
+
+
+def _head_at_rest(rig, bone):
+    return rig.matrix_world @ bone.bone.head_local
+
+
+def _at_rest(constraint):
+    """World matrix of what a constraint looks at, its bones at rest."""
+    seen = constraint.target
+    bone = seen.data.bones.get(constraint.subtarget) if seen.type == "ARMATURE" else None
+    if bone is None:
+        return seen.matrix_world.copy()
+    along = getattr(constraint, "head_tail", 0.0) * bone.length
+    return seen.matrix_world @ bone.matrix_local @ Matrix.Translation((0.0, along, 0.0))
+
+
 @contextmanager
 def _editing(rig):
-    """The rig in edit mode; selection and active object are as before afterwards."""
-    layer = bpy.context.view_layer
+    """The rig in edit mode, shown and without X-Axis Mirror meanwhile; all is as before afterwards."""
+    layer, scene = bpy.context.view_layer, bpy.context.scene.collection
     active, selected = layer.objects.active, list(layer.objects.selected)
+    mode = active.mode if active is not None else "OBJECT"
+    unseen, mirror = rig.hide_viewport, rig.data.use_mirror_x
+    rig.hide_viewport, rig.data.use_mirror_x = False, False
+    # The scene's own collection cannot be hidden or excluded.
+    added = not rig.visible_get() and all(obj != rig for obj in scene.objects)
+    if added:
+        scene.objects.link(rig)
+    hidden = rig.hide_get()
+    rig.hide_set(False)
     for obj in selected:
         obj.select_set(False)
     layer.objects.active = rig
@@ -147,9 +280,15 @@ def _editing(rig):
     finally:
         bpy.ops.object.mode_set(mode="OBJECT")
         rig.select_set(False)
+        rig.hide_set(hidden)
+        if added:
+            scene.objects.unlink(rig)
+        rig.hide_viewport, rig.data.use_mirror_x = unseen, mirror
         for obj in selected:
             obj.select_set(True)
         layer.objects.active = active
+        if active is not None and active.mode != mode:
+            bpy.ops.object.mode_set(mode=mode)
 
 
 KIND = Kind(

@@ -6,44 +6,76 @@ import numpy as np
 from mathutils import Matrix
 
 from .. import mesh_read
-from .armatures import MADE_FROM
-from .armatures import names as rigs_of
+from .armatures import MADE_FROM, fitted_rig, hold_still, rigs
 from .kind import Kind, Prepared
 from .shape_keys import read_key
+from .sides import flip_name, names_on_target, rename
 
+# On the copy of a companion: the object on which it hangs, also where a bone of its rig is the parent.
+MADE_FOR = "spectral_match_made_for"
 # A connected piece smaller than this share of the source's size is rigid: an eye stays round.
 RIGID_SHARE = 0.1
+# Objects that show something, but have no vertices to move.
+OTHER_SHAPES = ("CURVES", "CURVE", "SURFACE", "META", "FONT", "POINTCLOUD")
 
 
-def names(source):
-    """Meshes that hang on the source or on its rig."""
-    rigs = set(rigs_of(source))
+def hanging(source, types=("MESH",)):
+    """Objects that hang on the source, on its rig or on one of its bones, directly or on one another."""
+    deforming = rigs(source)
+    # Shapes in which bones are shown are no part of the character.
+    shapes = {bone.custom_shape for rig in deforming for bone in (rig.pose.bones if rig.pose else ())}
     return [
-        obj.name
+        obj
         for obj in bpy.data.objects
-        if obj.type == "MESH" and obj != source and obj.users_scene and _belongs(obj, source, rigs)
+        if obj.type in types and _belongs(obj, source, deforming) and obj not in shapes and obj.users_scene
     ]
 
 
-def _belongs(obj, source, rigs):
-    if MADE_FROM in obj or obj.spectral_match_source is not None:
+def names(source):
+    return list(dict.fromkeys(obj.name for obj in hanging(source)))
+
+
+def _belongs(obj, source, deforming):
+    if obj == source:
         return False
-    return obj.parent == source or bool(rigs.intersection(rigs_of(obj)))
+    while obj is not None:
+        if obj == source or obj in deforming:
+            return True
+        if MADE_FROM in obj or obj.spectral_match_source is not None:
+            return False
+        if any(m.type == "ARMATURE" and m.object in deforming for m in obj.modifiers):
+            return True
+        obj = obj.parent
+    return False
 
 
-def prepare(route, wanted, _options):
-    moved = [(bpy.data.objects[name], _moved(route, bpy.data.objects[name])) for name in wanted]
+def prepare(route, wanted, options):
+    companions = [obj for obj in hanging(route.source) if obj.name in wanted]
+    moved = [(companion, _moved(route, companion)) for companion in companions]
+    notes = []
+    left = [obj.name for obj in hanging(route.source, OTHER_SHAPES)]
+    if left:
+        notes.append(f"Only meshes can follow the target, so these were left: {', '.join(left)}")
+    bound = [
+        f"{modifier.name} of '{companion.name}'"
+        for companion in companions
+        for modifier in companion.modifiers
+        if getattr(modifier, "is_bound", False) or getattr(modifier, "is_bind", False)
+    ]
+    if bound:
+        notes.append(f"Modifiers have to be bound again on the copies: {', '.join(bound)}")
 
     def write():
         for companion, places in moved:
-            _write(route, companion, places)
+            _write(route, companion, places, options)
 
-    return Prepared(write)
+    return Prepared(write, tuple(notes))
 
 
 def _moved(route, companion):
     """Coordinates of the companion's vertices, and of each of its shape keys, in the target's space."""
-    to_source = np.array(route.source.matrix_world.inverted_safe() @ companion.matrix_world)
+    to_source = np.array(route.source_to_world.inverted_safe() @ _unposed(route.source, companion))
+    back = np.linalg.inv(route.target_stretch)
 
     def placed(points):
         return points.astype(np.float64) @ to_source[:3, :3].T + to_source[:3, 3]
@@ -51,10 +83,36 @@ def _moved(route, companion):
     points = placed(mesh_read.positions(companion.data))
     pieces = _pieces(route, companion, points)
     keys = companion.data.shape_keys
-    return route.map.followed(points, pieces), {
-        block.name: route.map.followed(placed(read_key(block)), pieces)
+    return route.map_as_seen.followed(points, pieces) @ back, {
+        block.name: route.map_as_seen.followed(placed(read_key(block)), pieces) @ back
         for block in (keys.key_blocks if keys else ())
     }
+
+
+def _bone_of(source, companion):
+    """The rig and the bone on which a companion hangs at last, the bone None without one."""
+    while companion != source and companion.parent is not None:
+        rig = companion.parent
+        if rig in rigs(source):
+            bone = companion.parent_bone if companion.parent_type == "BONE" else ""
+            return rig, rig.data.bones.get(bone)
+        companion = rig
+    return None, None
+
+
+def _unposed(source, companion):
+    """The companion's matrix in the world, with the bone on which it hangs at rest."""
+    rig, bone = _bone_of(source, companion)
+    if bone is None:
+        return companion.matrix_world
+    posed = rig.pose.bones[bone.name].matrix
+    return (
+        rig.matrix_world
+        @ bone.matrix_local
+        @ posed.inverted_safe()
+        @ rig.matrix_world.inverted_safe()
+        @ companion.matrix_world
+    )
 
 
 def _pieces(route, companion, points):
@@ -73,36 +131,91 @@ def _pieces(route, companion, points):
     low, high = np.full((len(points), 3), np.inf), np.full((len(points), 3), -np.inf)
     np.minimum.at(low, piece, points)
     np.maximum.at(high, piece, points)
-    size = np.linalg.norm(np.ptp(route.source_points, axis=0))
+    size = np.linalg.norm(np.ptp(route.source_points @ route.source_stretch, axis=0))
     small = np.linalg.norm(high[piece] - low[piece], axis=1) < RIGID_SHARE * size
     return np.where(small, piece, -1)
 
 
-def _write(route, companion, moved):
-    target = route.target
-    own = next(
-        (obj for obj in target.children if obj.get(MADE_FROM) == companion.name and obj.type == "MESH"), None
+def copy_of(target, companion):
+    """The target's copy of a companion that was made before, or None."""
+    return next(
+        (
+            obj
+            for obj in bpy.data.objects
+            if obj.get(MADE_FROM) == companion.name
+            and obj.type == "MESH"
+            and (obj.parent == target or obj.get(MADE_FOR) == target)
+        ),
+        None,
     )
+
+
+def _write(route, companion, moved, options):
+    own = copy_of(route.target, companion)
     if own is None:
-        own = companion.copy()
+        own = _copied(route, companion, options)
+    named, _ = names_on_target(moved[1], options)
+    if not _fits(own.data, companion.data, named):
+        before = own.data
         own.data = companion.data.copy()
-        own.name = own.data.name = f"{companion.name} {target.name}"
-        own[MADE_FROM] = companion.name
-        for collection in target.users_collection:
-            collection.objects.link(own)
-        own.parent, own.parent_type = target, "OBJECT"
-        own.matrix_parent_inverse = Matrix.Identity(4)
-        own.matrix_basis = Matrix.Identity(4)
-        rig = target.find_armature()
-        for modifier in own.modifiers:
-            if modifier.type == "ARMATURE" and rig is not None:
-                modifier.object = rig
+        own.data.name = own.name
+        groups, _ = names_on_target([group.name for group in own.vertex_groups], options)
+        rename(own.vertex_groups, groups)
+        if named:
+            rename(own.data.shape_keys.key_blocks, named)
+        if not before.users:
+            bpy.data.meshes.remove(before)
     points, keys = moved
     for name, coordinates in keys.items():
-        block = own.data.shape_keys.key_blocks[name]
+        block = own.data.shape_keys.key_blocks[named[name]]
         block.data.foreach_set("co", coordinates.astype(np.float32).ravel())
     own.data.vertices.foreach_set("co", points.astype(np.float32).ravel())
     own.data.update()
+
+
+def _fits(own, mesh, named):
+    """Whether a copy's mesh is of its own and can take the coordinates of the companion's."""
+    keys = [block.name for block in own.shape_keys.key_blocks] if own.shape_keys else []
+    topologies = {mesh_read.fingerprint(each).topology for each in (own, mesh)}
+    return own != mesh and len(topologies) == 1 and keys == list(named.values())
+
+
+def _copied(route, companion, options):
+    target = route.target
+    own = companion.copy()
+    own.name = f"{companion.name} {target.name}"
+    own[MADE_FROM], own[MADE_FOR] = companion.name, target
+    for collection in target.users_collection:
+        collection.objects.link(own)
+    hold_still(own)
+    rig = target.find_armature()
+    _hang(route, own, companion, rig, options)
+    for modifier in own.modifiers:
+        if modifier.type == "ARMATURE" and modifier.object is not None:
+            modifier.object = fitted_rig(target, modifier.object) or rig or modifier.object
+    return own
+
+
+def _hang(route, own, companion, rig, options):
+    """Parent the copy to the target, or as the companion is to a bone; its space is the target's at rest."""
+    target = route.target
+    parent, bone = _bone_of(route.source, companion)
+    name = None if bone is None else flip_name(bone.name) if options.mirror_names else bone.name
+    own.matrix_basis = Matrix.Identity(4)
+    own.delta_location, own.delta_rotation_euler, own.delta_scale = (0, 0, 0), (0, 0, 0), (1, 1, 1)
+    own.delta_rotation_quaternion = (1, 0, 0, 0)
+    if parent is None or rig is None or (bone is not None and name not in rig.data.bones):
+        own.parent, own.parent_type = target, "OBJECT"
+        own.matrix_parent_inverse = Matrix.Identity(4)
+        return
+    place = rig.matrix_world.copy()
+    own.parent, own.parent_type = rig, "OBJECT"
+    if name is not None:
+        own.parent_type, own.parent_bone = "BONE", name
+        held = rig.data.bones[name]
+        if not held.use_relative_parent:
+            place = place @ held.matrix_local @ Matrix.Translation((0.0, held.length, 0.0))
+    own.matrix_parent_inverse = place.inverted_safe() @ target.matrix_world
 
 
 KIND = Kind(

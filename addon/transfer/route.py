@@ -4,16 +4,22 @@
 from functools import cached_property
 
 import numpy as np
+from mathutils import Matrix
 
 from .. import core, mesh_read, mesh_write, stored_match
+from ..mesh_read import UnusableObjectError
+
+# A scale is even up to this: matrices are in single precision.
+EVEN = 1e-5
 
 
 class Route:
     """Everything that a kind of data needs to travel from `source` to `target`.
 
-    `map` is the core's, in the coordinates of the two meshes; `faces` are the target's faces as the core
-    takes them: first corners and vertices of corners. `wanted` names what is carried, by kind. Raises
-    `UnusableObjectError` when the target has no match that still holds.
+    `map` is the core's, in the coordinates of the two meshes, and `map_as_seen` that of the two bodies as the
+    objects' scales stretch them, for what has directions and distances in space; `faces` are the target's
+    faces as the core takes them: first corners and vertices of corners. `wanted` names what is carried, by
+    kind. Raises `UnusableObjectError` when the target has no match that still holds.
     """
 
     def __init__(self, target):
@@ -68,13 +74,55 @@ class Route:
             for name in ("match_face", "match_barycentric", "match_confidence")
         )
         weights = np.clip(weights, 0.0, None)
-        return core.load().SurfaceMap(
-            (self.source_points, self.triangles),
-            (self.target_points, self.target_triangles),
+        return self._joined(
+            self.source_points,
+            self.target_points,
             face,
             weights / weights.sum(axis=1, keepdims=True),
             confidence,
         )
+
+    def _joined(self, source_points, target_points, face, weights, confidence):
+        return core.load().SurfaceMap(
+            (source_points, self.triangles),
+            (target_points, self.target_triangles),
+            face,
+            weights,
+            confidence,
+        )
+
+    @cached_property
+    def source_stretch(self):
+        """How the object's scale stretches the source's coordinates, (3, 3); unity for an even scale."""
+        return _stretch(self.source)
+
+    @cached_property
+    def target_stretch(self):
+        """The same of the target."""
+        return _stretch(self.target)
+
+    @cached_property
+    def map_as_seen(self):
+        """The core's `SurfaceMap` of stretched coordinates: `map` itself where both scales are even."""
+        if np.array_equal(self.source_stretch, np.eye(3)) and np.array_equal(self.target_stretch, np.eye(3)):
+            return self.map
+        return self._joined(
+            self.source_points @ self.source_stretch,
+            self.target_points @ self.target_stretch,
+            self.map.faces,
+            self.map.barycentric,
+            self.map.confidence,
+        )
+
+    @property
+    def source_to_world(self):
+        """Stretched coordinates of the source → world, 4 × 4."""
+        return self.source.matrix_world @ Matrix(np.linalg.inv(self.source_stretch).tolist()).to_4x4()
+
+    @property
+    def target_to_world(self):
+        """Stretched coordinates of the target → world, 4 × 4."""
+        return self.target.matrix_world @ Matrix(np.linalg.inv(self.target_stretch).tolist()).to_4x4()
 
     @cached_property
     def face(self):
@@ -99,3 +147,21 @@ class Route:
         """The source vertex nearest to each target vertex's image."""
         strongest = self.barycentric.argmax(axis=1)
         return self.triangles[self.face, strongest]
+
+
+def _stretch(obj):
+    """The symmetric factor of the object's scale, rotations and reflections, with unit volume: (3, 3).
+
+    Reflections of an even scale are left to the map, which finds out whether it mirrors.
+    """
+    placed = np.array(obj.matrix_world, np.float64)[:3, :3]
+    volume = abs(np.linalg.det(placed))
+    if volume < mesh_read.SMALLEST_VOLUME_SCALE:
+        raise UnusableObjectError(
+            f"'{obj.name}' is scaled to nothing along an axis. Give it a scale other than 0"
+        )
+    squares, axes = np.linalg.eigh(placed.T @ placed)
+    factors = np.sqrt(squares) / np.cbrt(volume)
+    if np.abs(factors - 1.0).max() < EVEN:
+        return np.eye(3)
+    return axes * factors @ axes.T

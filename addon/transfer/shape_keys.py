@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shape keys: displacements in local frames, each relative to its own reference key, with their settings."""
 
+import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
 from ..mesh_read import UnusableObjectError
 from .kind import Kind, Prepared
+from .sides import flip_name, names_on_target
 
-SETTINGS = ("slider_min", "slider_max", "value", "mute", "interpolation", "vertex_group")
+SETTINGS = ("slider_max", "slider_min", "value", "mute", "interpolation")
+# Lowest end of any key's range, as Blender allows it.
+LOWEST = -10.0
 DRIVEN = ("value", "mute", "slider_min", "slider_max")
 
 
@@ -18,25 +22,31 @@ def names(source):
 
 def prepare(route, wanted, options):
     keys = route.source.data.shape_keys
-    if keys is None or not keys.use_relative:
-        raise UnusableObjectError(
-            f"The shape keys of '{route.source.name}' are absolute; only relative ones can be carried. "
-            "Check Relative in its Shape Keys panel"
-        )
+    for obj in (route.source, route.target):
+        held = obj.data.shape_keys
+        if held is not None and not held.use_relative:
+            raise UnusableObjectError(
+                f"The shape keys of '{obj.name}' are absolute; only relative ones can be carried, and only "
+                "beside relative ones. Check Relative in its Shape Keys panel"
+            )
     blocks = [keys.key_blocks[name] for name in _with_references(keys, wanted)]
+    named, notes = names_on_target([block.name for block in blocks], options)
+    back = np.linalg.inv(route.target_stretch)
     offsets = {}
     for block in blocks:
-        delta = read_key(block) - read_key(block.relative_key)
-        offsets[block.name] = route.map.displacements(delta, turn_only=not options.scale_keys)
-    groups = {block.vertex_group for block in blocks if block.vertex_group}
-    missing = [name for name in sorted(groups) if name not in route.target.vertex_groups]
-    notes = []
+        delta = (read_key(block) - read_key(block.relative_key)) @ route.source_stretch
+        carried = route.map_as_seen.displacements(delta, turn_only=not options.scale_keys)
+        offsets[block.name] = carried @ back
+    masks = {block.name: block.vertex_group for block in blocks}
+    if options.mirror_names:
+        masks = {name: flip_name(mask) for name, mask in masks.items()}
+    missing = sorted({mask for mask in masks.values() if mask and mask not in route.target.vertex_groups})
     if missing:
         notes.append(
             f"Shape keys are masked by groups that '{route.target.name}' lacks, unless these are carried "
             f"too: {', '.join(missing)}"
         )
-    return Prepared(lambda: _write(route, blocks, offsets), tuple(notes))
+    return Prepared(lambda: _write(route, blocks, named, offsets, masks), tuple(notes))
 
 
 def _with_references(keys, wanted):
@@ -61,7 +71,7 @@ def read_key(block):
     return values.reshape(-1, 3).astype(np.float64)
 
 
-def _write(route, blocks, offsets):
+def _write(route, blocks, named, offsets, masks):
     target = route.target
     if target.data.shape_keys is None:
         target.shape_key_add(name=blocks[0].id_data.reference_key.name, from_mix=False)
@@ -69,53 +79,45 @@ def _write(route, blocks, offsets):
     shown = target.active_shape_key_index
     made = {}
     for block in blocks:
-        own = keys.key_blocks.get(block.name)
-        if own is None or own == keys.reference_key:
-            own = target.shape_key_add(name=block.name, from_mix=False)
+        name = named[block.name]
+        if name == keys.reference_key.name:
+            # Blender's next name, so that the same key is found again.
+            name += ".001"
+        own = keys.key_blocks.get(name) or target.shape_key_add(name=name, from_mix=False)
         # A key that is relative to itself in a circle has no reference of its own.
         own.relative_key = made.get(block.relative_key.name, keys.reference_key)
         # Single precision: where the displacement is zero, the sum is the reference itself.
         coordinates = read_key(own.relative_key) + offsets[block.name]
         own.data.foreach_set("co", coordinates.astype(np.float32).ravel())
+        # Each end of a range is held back by the other.
+        own.slider_min = LOWEST
         for setting in SETTINGS:
             setattr(own, setting, getattr(block, setting))
+        own.vertex_group = masks[block.name]
         made[block.name] = own
     target.active_shape_key_index = shown
     _copy_drivers(route, blocks, made)
 
 
 def _copy_drivers(route, blocks, made):
-    """Drivers of the keys' values and settings; those that look at the source look at the target now."""
-    animation = blocks[0].id_data.animation_data
-    if animation is None:
+    """Drivers of the keys' values and settings, instead of those that the target's keys had."""
+    given, held = blocks[0].id_data.animation_data, route.target.data.shape_keys.animation_data
+    if given is None and held is None:
         return
-    keys = route.target.data.shape_keys
-    exchanged = {
-        route.source: route.target,
-        route.source.data: route.target.data,
-        blocks[0].id_data: keys,
-    }
-    for curve in animation.drivers:
-        for block in blocks:
-            path = f'key_blocks["{_escaped(block.name)}"].'
-            setting = curve.data_path.removeprefix(path)
-            if setting == curve.data_path or setting not in DRIVEN:
-                continue
-            new_path = f'key_blocks["{_escaped(made[block.name].name)}"].{setting}'
-            held = keys.animation_data_create()
-            old = held.drivers.find(new_path)
+    held = held or route.target.data.shape_keys.animation_data_create()
+    for block in blocks:
+        for setting in DRIVEN:
+            path = _path(made[block.name], setting)
+            old = held.drivers.find(path)
             if old is not None:
                 held.drivers.remove(old)
-            copy = held.drivers.from_existing(src_driver=curve)
-            copy.data_path = new_path
-            for variable in copy.driver.variables:
-                for seen in variable.targets:
-                    if seen.id in exchanged:
-                        seen.id = exchanged[seen.id]
+            curve = given.drivers.find(_path(block, setting)) if given else None
+            if curve is not None:
+                held.drivers.from_existing(src_driver=curve).data_path = path
 
 
-def _escaped(name):
-    return name.replace("\\", "\\\\").replace('"', '\\"')
+def _path(block, setting):
+    return f'key_blocks["{bpy.utils.escape_identifier(block.name)}"].{setting}'
 
 
 KIND = Kind(

@@ -6,12 +6,13 @@ from pathlib import Path
 import bpy
 import numpy as np
 import pytest
-from conftest import lumpy, new_object, renumbered, triangle_vertices, turned
+from conftest import choose, lumpy, new_object, renumbered, triangle_vertices, turned
 from mathutils import Matrix
 from test_transfer import ball, store_map, store_nearest, transfer, weights_of, without_data
 
 from addon import mesh_read, notice
 from addon.mesh_write import read_attribute, write_attribute
+from addon.transfer import companions
 from addon.transfer.normals import corner_normals
 from addon.transfer.shape_keys import read_key
 from addon.transfer.uv_maps import read_uv
@@ -100,13 +101,34 @@ def test_shape_keys_keep_their_settings(copies):
         assert curve.driver.variables[0].targets[0].id == target
 
 
-def test_absolute_shape_keys_are_refused_in_words(copies):
+@pytest.mark.parametrize("which", ["Source", "Target"])
+def test_absolute_shape_keys_are_refused_in_words(copies, which):
     source, target, _, _ = copies
-    add_key(source, "Later", 0.0)
-    source.data.shape_keys.use_relative = False
-    with pytest.raises(RuntimeError, match="Check Relative"):
+    for obj in (source, target):
+        add_key(obj, f"Of {obj.name}", 0.0)
+    bpy.data.objects[which].data.shape_keys.use_relative = False
+    with pytest.raises(RuntimeError, match=f"'{which}' are absolute.*Check Relative"):
         transfer(source, target, kinds="keys")
-    assert target.data.shape_keys is None
+    assert len(target.data.shape_keys.key_blocks) == 2
+
+
+def test_shape_keys_replace_those_of_their_names(copies):
+    """Ranges beyond the usual one, a driver that the source has not, a name that the target's basis has."""
+    source, target, _, _ = copies
+    source.shape_key_add(name="Reference", from_mix=False)
+    add_key(source, "Wide", 0.1, slider_max=3.0, slider_min=2.0, value=2.5)
+    add_key(source, "Deep", 0.1, slider_min=-5.0, slider_max=-2.0, value=-3.0)
+    add_key(source, "Basis", 0.1)
+    add_key(target, "Wide", 0.2).driver_add("value").driver.expression = "1.0"
+    for _ in range(2):
+        transfer(source, target, kinds="keys")
+        keys = target.data.shape_keys
+        assert [key.name for key in keys.key_blocks] == ["Basis", "Wide", "Deep", "Basis.001"]
+        assert [(key.slider_min, key.slider_max, key.value) for key in keys.key_blocks[1:3]] == [
+            (2.0, 3.0, 2.5),
+            (-5.0, -2.0, -3.0),
+        ]
+        assert not keys.animation_data.drivers
 
 
 def test_marks_come_back_on_a_copy(copies):
@@ -667,6 +689,317 @@ def test_a_rig_follows_a_rigid_copy_exactly(copies):
     posed = [mesh_read.positions(obj.evaluated_get(graph).data).astype(float) for obj in (source, target)]
     expected = posed[0][old] @ rotation.T + shift
     np.testing.assert_allclose(posed[1], expected, atol=2e-4)
+
+
+def test_uneven_scales_change_nothing_in_the_world(copies):
+    """Keys, joints and eyes of a body whose object is stretched, onto one that is stretched otherwise."""
+    source, target, old, rotation = copies
+    points = mesh_read.positions(source.data).astype(float)
+    for obj, scale in ((source, (1.0, 2.0, 0.5)), (target, (0.5, 0.7, 3.0))):
+        obj.data.vertices.foreach_set("co", (mesh_read.positions(obj.data) / np.float32(scale)).ravel())
+        obj.scale = scale
+    bpy.context.view_layer.update()
+    store_copy(source, target, old)
+    rig = rigged(copies)
+    field = smooth_field(points)
+    add_key(source, "Smile", field / source.scale)
+    eye = new_object("Eye", 0.08 * lumpy(3)[0] + (0.3, 0.4, 0.9), lumpy(3)[1])
+    eye_points = mesh_read.positions(eye.data).astype(float)
+    eye.parent, eye.matrix_parent_inverse = source, source.matrix_world.inverted()
+    transfer(source, target, kinds="groups,keys,armature,objects")
+    # Coordinates are single precision, and up to ten long.
+    np.testing.assert_allclose(
+        offsets_of(target, "Smile") * target.scale, field[old] @ rotation.T, rtol=0.0, atol=5e-6
+    )
+    fitted = target.find_armature()
+    for bone, made in zip(rig.data.bones, fitted.data.bones, strict=True):
+        np.testing.assert_allclose(
+            fitted.matrix_world @ made.head_local, turned(np.array(bone.head_local)), atol=1e-5
+        )
+    (copy,) = copies_of("Eye")
+    seen = [copy.matrix_world @ vertex.co for vertex in copy.data.vertices]
+    np.testing.assert_allclose(seen, turned(eye_points), atol=1e-5)
+
+
+def copies_of(name):
+    return [obj for obj in bpy.data.objects if obj.get("spectral_match_made_from") == name]
+
+
+def rest_error(obj):
+    """How far the evaluated mesh is from the modelled one."""
+    bpy.context.view_layer.update()
+    shown = obj.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+    return np.abs(mesh_read.positions(shown) - mesh_read.positions(obj.data)).max()
+
+
+@pytest.mark.parametrize("hidden", ["nothing", "rig", "target"])
+def test_a_mirroring_or_hidden_rig_is_fitted_too(copies, hidden):
+    """With X-Axis Mirror on, setting one of these bones would move the other one."""
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    rig.data.bones["Low"].name, rig.data.bones["High"].name = "Arm.L", "Arm.R"
+    rig.data.use_mirror_x = True
+    if hidden == "rig":
+        rig.hide_viewport = True
+    choose(source, target)
+    if hidden == "target":
+        bpy.ops.spectral_match.pin()
+        away = bpy.data.collections.new("Away")
+        bpy.context.scene.collection.children.link(away)
+        away.objects.link(target)
+        bpy.context.collection.objects.unlink(target)
+        bpy.context.view_layer.layer_collection.children["Away"].exclude = True
+    assert bpy.ops.spectral_match.transfer(kinds="groups,armature") == {"FINISHED"}
+    fitted = target.find_armature()
+    for bone in rig.data.bones:
+        for end in ("head_local", "tail_local"):
+            found = fitted.matrix_world @ getattr(fitted.data.bones[bone.name], end)
+            np.testing.assert_allclose(found, turned(np.array(getattr(bone, end))), atol=1e-4)
+    assert fitted.data.use_mirror_x and fitted.hide_viewport == rig.hide_viewport
+    assert set(fitted.users_collection) == set(target.users_collection)
+    assert bpy.context.view_layer.objects.active == source and fitted.mode == "OBJECT"
+
+
+def test_a_rig_without_bones_is_refused_in_words(copies):
+    source, target, _, _ = copies
+    rig = bpy.data.objects.new("Empty Rig", bpy.data.armatures.new("Empty Rig"))
+    source.modifiers.new("Rig", "ARMATURE").object = rig
+    source.vertex_groups.new(name="Group")
+    with pytest.raises(RuntimeError, match="'Empty Rig' has no bones"):
+        transfer(source, target, kinds="groups,armature")
+    assert not target.vertex_groups and not target.modifiers
+
+
+def add_bone(rig, name, head, tail):
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = rig.data.edit_bones.new(name)
+    bone.head, bone.tail, bone.use_deform = head, tail, False
+    bpy.ops.object.mode_set(mode="OBJECT")
+
+
+def test_short_bones_keep_their_length(copies):
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    add_bone(rig, "Twig", (0.0, 0.1, 0.2), (0.0, 0.1, 0.20005))
+    transfer(source, target, kinds="groups,armature")
+    # Coordinates around 3 are rounded to 2.4e-7.
+    assert target.find_armature().data.bones["Twig"].length == pytest.approx(5e-5, abs=5e-7)
+
+
+def test_a_larger_body_is_at_rest_under_its_constraints(copies):
+    """Each of these constraints stores a length or a matrix of the source's rig."""
+    source, target, old, _ = copies
+    larger = turned(2.0 * mesh_read.positions(source.data)[old])
+    target.data.vertices.foreach_set("co", larger.astype(np.float32).ravel())
+    store_copy(source, target, old)
+    rig = rigged(copies)
+    add_bone(rig, "Handle", (0.0, 0.1, 1.2), (0.0, 0.1, 1.5))
+    made = [rig.pose.bones["High"].constraints.new(k) for k in ("STRETCH_TO", "CHILD_OF", "LIMIT_DISTANCE")]
+    for constraint in made:
+        constraint.target, constraint.subtarget = rig, "Handle"
+    bpy.context.view_layer.update()
+    made[1].inverse_matrix = (rig.matrix_world @ rig.pose.bones["Handle"].matrix).inverted()
+    made[2].limit_mode = "LIMITDIST_ONSURFACE"
+    made[2].distance = (rig.data.bones["Handle"].head_local - rig.data.bones["High"].head_local).length
+    assert rest_error(source) < 1e-5
+    for _ in range(2):
+        transfer(source, target, kinds="groups,armature")
+        assert rest_error(target) < 1e-4
+
+
+def test_a_new_armature_modifier_is_set_as_the_source_s(copies):
+    source, target, _, _ = copies
+    rigged(copies)
+    source.modifiers["Rig"].use_deform_preserve_volume = True
+    target.modifiers.new("Smooth", "SUBSURF")
+    transfer(source, target, kinds="groups,armature")
+    assert [modifier.type for modifier in target.modifiers] == ["ARMATURE", "SUBSURF"]
+    assert target.modifiers[0].use_deform_preserve_volume
+
+
+def test_object_animation_does_not_move_what_was_fitted(copies):
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    target.location = (5.0, 0.0, 0.0)
+    eye = small_ball("Eye", source)
+    for obj in (rig, eye, rig.pose.bones["High"]):
+        for frame in (1, 2):
+            obj.location[0] += 0.1
+            obj.keyframe_insert("location", frame=frame)
+    bpy.context.scene.frame_set(1)
+    transfer(source, target, kinds="groups,armature,objects")
+    fitted, (copy,) = target.find_armature(), copies_of("Eye")
+    before = [obj.matrix_world.copy() for obj in (fitted, copy)]
+    bpy.context.scene.frame_set(2)
+    for obj, matrix in zip((fitted, copy), before, strict=True):
+        np.testing.assert_allclose(obj.matrix_world, matrix, atol=1e-6)
+    # Poses stay animated, and the source as it was.
+    assert fitted.pose.bones["High"].location[0] == rig.pose.bones["High"].location[0] == np.float32(0.2)
+    assert rig.location[0] == np.float32(0.2)
+
+
+def small_ball(name, parent=None, bone=""):
+    obj = ball(name, 8, 6)
+    obj.scale, obj.location = (0.1, 0.1, 0.1), (0.3, 0.4, 0.9)
+    bpy.context.view_layer.update()
+    there = obj.matrix_world.copy()
+    if parent is not None:
+        obj.parent = parent
+        if bone:
+            obj.parent_type, obj.parent_bone = "BONE", bone
+        obj.matrix_world = there
+    bpy.context.view_layer.update()
+    return obj
+
+
+def test_drivers_look_at_what_the_target_got(copies):
+    """A key driven by a bone, lashes driven by that key; the rig comes after the keys."""
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    lash = small_ball("Lash", source)
+    for obj, kind, seen, path in (
+        (source, "OBJECT", rig, 'pose.bones["High"].location[0]'),
+        (lash, "KEY", None, 'key_blocks["Blink"].value'),
+    ):
+        driver = add_key(obj, "Blink", 0.05).driver_add("value").driver
+        variable = driver.variables.new()
+        variable.targets[0].id_type = kind
+        variable.targets[0].id = seen or source.data.shape_keys
+        variable.targets[0].data_path, driver.expression = path, "var"
+    transfer(source, target, kinds="groups,keys,objects")
+    transfer(source, target, kinds="armature")
+    (copy,) = copies_of("Lash")
+    for obj, seen in ((target, target.find_armature()), (copy, target.data.shape_keys)):
+        (curve,) = obj.data.shape_keys.animation_data.drivers
+        assert curve.driver.variables[0].targets[0].id == seen
+    target.find_armature().pose.bones["High"].location[0] = 0.5
+    graph = bpy.context.evaluated_depsgraph_get()
+    assert copy.evaluated_get(graph).data.shape_keys.key_blocks["Blink"].value == 0.5
+
+
+def test_a_mirrored_match_mirrors_rig_and_eyes_and_names(scene):
+    vertices, faces = lumpy()
+    source = new_object("Source", vertices, faces)
+    target = new_object("Target", vertices * (-1, 1, 1), [face[::-1] for face in faces])
+    from test_transfer import store_identity
+
+    store_identity(source, target)
+    rig = rigged((source, target, None, None))
+    add_bone(rig, "hand_l_01", (0.3, 0.1, 0.2), (0.4, 0.1, 0.3))
+    rig.data.bones["Low"].name, rig.data.bones["High"].name = "mixamorig:LeftArm", "Arm.R"
+    add_key(source, "Blink.L", 0.05, vertex_group="Arm.R")
+    driver = source.data.shape_keys.key_blocks["Blink.L"].driver_add("value").driver
+    variable = driver.variables.new()
+    variable.type = "TRANSFORMS"
+    variable.targets[0].id, variable.targets[0].bone_target = rig, "Arm.R"
+    eye = small_ball("Eye", rig, "Arm.R")
+    eye.vertex_groups.new(name="Arm.R")
+    add_key(eye, "Wide.L", 0.0)
+    for _ in range(2):
+        transfer(source, target, kinds="groups,keys,armature,objects", mirror_names=True)
+    fitted, named = target.find_armature(), {"mixamorig:LeftArm": "mixamorig:RightArm", "Arm.R": "Arm.L"}
+    for bone in rig.data.bones:
+        for end in ("head_local", "tail_local"):
+            found = fitted.matrix_world @ getattr(fitted.data.bones[named.get(bone.name, bone.name)], end)
+            np.testing.assert_allclose(found, np.array(getattr(bone, end)) * (-1, 1, 1), atol=1e-5)
+    assert [group.name for group in target.vertex_groups] == list(named.values())
+    key = target.data.shape_keys.key_blocks[1]
+    assert (key.name, key.vertex_group) == ("Blink.R", "Arm.L")
+    seen = target.data.shape_keys.animation_data.drivers[0].driver.variables[0].targets[0]
+    assert (seen.id, seen.bone_target) == (fitted, "Arm.L")
+    assert "left as they are: hand_l_01" in notice.words
+    (copy,) = copies_of("Eye")
+    assert (copy.parent, copy.parent_bone) == (fitted, "Arm.L")
+    assert copy.vertex_groups.keys() == ["Arm.L"]
+    assert copy.data.shape_keys.key_blocks.keys() == ["Basis", "Wide.R"]
+    bpy.context.view_layer.update()
+    found = [copy.matrix_world @ vertex.co for vertex in copy.data.vertices]
+    expected = [eye.matrix_world @ vertex.co for vertex in eye.data.vertices]
+    # The surface is a polyhedron: where the eye hangs, frames of its vertices differ by a hundredth.
+    np.testing.assert_allclose(found, np.array(expected) * (-1, 1, 1), atol=0.02 * 0.1 + 1e-3)
+
+
+def test_what_hangs_on_rig_bones_and_other_objects_comes_along(copies):
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    eye = small_ball("Eye", rig, "High")
+    small_ball("Pupil", eye)
+    small_ball("Hat", rig)
+    shape = small_ball("Shape", rig)
+    rig.pose.bones["Low"].custom_shape = shape
+    small_ball("Stone")
+    hair = bpy.data.objects.new("Hair", bpy.data.hair_curves.new("Hair"))
+    bpy.context.collection.objects.link(hair)
+    hair.parent = source
+    points = [eye.matrix_world @ vertex.co for vertex in eye.data.vertices]
+    assert companions.names(source) == ["Eye", "Hat", "Pupil"]
+    # A posed source counts as it is at rest.
+    rig.pose.bones["High"].matrix_basis = Matrix.Rotation(0.8, 4, "X")
+    bpy.context.view_layer.update()
+    transfer(source, target, kinds="groups,armature,objects")
+    assert "these were left: Hair" in notice.words
+    fitted = target.find_armature()
+    for name, bone in (("Eye", "High"), ("Pupil", "High"), ("Hat", "")):
+        (copy,) = copies_of(name)
+        assert (copy.parent, copy.parent_bone) == (fitted, bone)
+    (copy,) = copies_of("Eye")
+    for pose in (0.0, 0.8):
+        fitted.pose.bones["High"].matrix_basis = Matrix.Rotation(pose, 4, "X")
+        bpy.context.view_layer.update()
+        held = fitted.matrix_world @ fitted.pose.bones["High"].matrix
+        rest = fitted.matrix_world @ fitted.data.bones["High"].matrix_local
+        moved = np.array(held @ rest.inverted())
+        found = [copy.matrix_world @ vertex.co for vertex in copy.data.vertices]
+        expected = turned(np.array(points)) @ moved[:3, :3].T + moved[:3, 3]
+        np.testing.assert_allclose(found, expected, atol=1e-4)
+
+
+def test_an_edited_companion_is_copied_anew(copies):
+    """Its copy hangs where it hung; a Shrinkwrap onto the source is one onto the target."""
+    source, target, _, _ = copies
+    eye = small_ball("Eye", source)
+    eye.modifiers.new("Wrap", "SHRINKWRAP").target = source
+    transfer(source, target, kinds="objects")
+    (copy,) = copies_of("Eye")
+    assert copy.modifiers["Wrap"].target == target
+    before = copy.data.name
+    choose(eye)
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.mesh.select_all(action="SELECT")
+    bpy.ops.mesh.subdivide()
+    bpy.ops.object.mode_set(mode="OBJECT")
+    add_key(eye, "Wide", 0.1)
+    transfer(source, target, kinds="objects")
+    assert copies_of("Eye") == [copy] and copy.data.name.startswith(before)
+    np.testing.assert_array_equal(mesh_read.edges(copy.data), mesh_read.edges(eye.data))
+    assert [key.name for key in copy.data.shape_keys.key_blocks] == ["Basis", "Wide"]
+    points = [eye.matrix_world @ vertex.co for vertex in eye.data.vertices]
+    np.testing.assert_allclose(mesh_read.positions(copy.data), turned(np.array(points)), atol=1e-4)
+
+
+def test_linked_data_is_taken_before_local_data_of_its_name(copies, tmp_path):
+    source, target, _, _ = copies
+    rigged(copies)
+    small_ball("Eye", source)
+    file = str(tmp_path / "hero.blend")
+    bpy.data.libraries.write(file, {source, bpy.data.objects["Eye"]})
+    for name in ("Source", "Rig", "Eye"):
+        bpy.data.objects.remove(bpy.data.objects[name])
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.collection.objects.link(rig)
+    new_object("Eye", *lumpy(4))
+    with bpy.data.libraries.load(file, link=True) as (_, here):
+        here.objects = ["Source", "Eye"]
+    for obj in here.objects:
+        bpy.context.collection.objects.link(obj)
+    source = here.objects[0]
+    target.spectral_match_source = source
+    bpy.context.view_layer.update()
+    transfer(source, target, kinds="groups,armature,objects")
+    assert [bone.name for bone in target.find_armature().data.bones] == ["Low", "High"]
+    (copy,) = copies_of("Eye")
+    assert len(copy.data.vertices) == len(here.objects[1].data.vertices)
 
 
 def test_locked_groups_and_masked_vertices_keep_what_they_have(scene):
