@@ -15,7 +15,7 @@ import bpy
 from . import core, mesh_write
 from .mesh_read import UnusableObjectError, value_of
 from .operators.match import reading, store
-from .transfer import KINDS, carry_all
+from .transfer import KINDS, carry_all, companions
 
 DEFAULT_OUTPUT = "{file}.blend"
 POLL_SECONDS = 0.1
@@ -215,12 +215,14 @@ def work_on(context, job, request):
             context = bpy.context
         brought = {}
         for pairing in job.pairings:
-            source = _source(context, job, pairing.source, brought)
-            for target in _targets(context, pairing, source):
+            with_objects = request.transfer and companions.KIND.identifier in job.kinds
+            source = _source(context, job, pairing.source, brought, with_objects)
+            came = [obj for objects in brought.values() for obj in objects]
+            for target in _targets(context, pairing, [source, *came]):
                 entry["pairs"].append(_pair(context, job, request, source, target))
         if any(pair["status"] == "done" for pair in entry["pairs"]):
             if brought and request.transfer and not job.keep_source:
-                _remove(brought.values())
+                _remove(came)
             save(job.output)
             entry["status"] = "done"
         else:
@@ -231,22 +233,29 @@ def work_on(context, job, request):
     return entry
 
 
-def _source(context, job, name, brought):
+def _source(context, job, name, brought, with_objects):
+    """The source object. From another file it comes with its rig and, if asked, what else hangs on it."""
     objects = context.view_layer.objects
     if job.source_file is None:
         if name not in objects:
             raise UnusableObjectError(f"There is no object named '{name}' in the view layer of this file")
         return objects[name]
     if name in brought:
-        return brought[name]
+        return brought[name][0]
     with bpy.data.libraries.load(str(job.source_file), link=False) as (there, here):
         if name not in there.objects:
             raise UnusableObjectError(f"There is no object named '{name}' in {job.source_file}")
-        here.objects = [name]
-    obj = here.objects[0]
-    context.scene.collection.objects.link(obj)
+        here.objects = [name, *(other for other in there.objects if with_objects and other != name)]
+    obj, *others = here.objects
+    linked = context.scene.collection.objects
+    for came in here.objects:
+        linked.link(came)
+    hanging = companions.hanging(obj)
+    for other in others:
+        if other not in hanging:
+            linked.unlink(other)
     context.view_layer.update()
-    brought[name] = obj
+    brought[name] = [obj, *hanging]
     return obj
 
 
@@ -258,9 +267,9 @@ def _remove(brought):
             bpy.data.meshes.remove(mesh)
 
 
-def _targets(context, pairing, source):
-    """Mesh objects that the patterns mean, in the order of the patterns; the source itself is left out."""
-    candidates = [obj for obj in context.view_layer.objects if obj.type == "MESH" and obj != source]
+def _targets(context, pairing, sources):
+    """Mesh objects that the patterns mean, in the order of the patterns; `sources` are left out."""
+    candidates = [obj for obj in context.view_layer.objects if obj.type == "MESH" and obj not in sources]
     found = {}
     for pattern in pairing.targets:
         named = [obj for obj in candidates if obj.name == pattern]
