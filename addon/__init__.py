@@ -15,8 +15,7 @@ from . import (
     properties,
     stored_match,
 )
-from . import job as job_module
-from .operators import settings, show
+from .operators import settings, show, step
 
 _HANDLERS = (*stored_match.HANDLERS, *overlay.HANDLERS, *notice.HANDLERS, *show.HANDLERS)
 
@@ -35,9 +34,7 @@ def register():
 
 
 def unregister():
-    if job_module.current is not None:
-        job_module.current.cancel()
-        job_module.current = None
+    step.end_all(bpy.context)
     command_line.unregister()
     manual.unregister()
     overlay.unregister()

@@ -11,7 +11,7 @@ from ..job import Job, MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
 from ..transfer import carry_all, checked
 from . import show
-from .step import Step, needs_pair, nothing
+from .step import Step, going_on, needs_pair, nothing
 
 POLL_SECONDS = 0.05
 
@@ -132,6 +132,7 @@ class JobOperator(Step):
         manager = context.window_manager
         self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
         manager.modal_handler_add(self)
+        going_on.add(self)
         self._shown = ""
         self._show_progress(context)
         return {"RUNNING_MODAL"}
@@ -190,6 +191,7 @@ class JobOperator(Step):
     def _stop_watching(self, context):
         job_module.current = None
         self._beginning = None
+        going_on.discard(self)
         if self._timer is not None:
             context.window_manager.event_timer_remove(self._timer)
             self._timer = None

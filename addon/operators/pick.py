@@ -10,7 +10,7 @@ from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_
 from .. import landmarks, mesh_read, overlay, pair
 from ..mesh_read import UnusableObjectError
 from ..overlay import Picking, Point
-from .step import Step, needs_pair
+from .step import Step, going_on, needs_pair
 
 # Where a modifier changes the vertices, the vertex nearest to the place under the pointer is taken, if the
 # shown surface is no farther from the modelled one than this share of its size.
@@ -116,6 +116,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         self._added = 0
         context.window.cursor_modal_set("CROSSHAIR")
         context.window_manager.modal_handler_add(self)
+        going_on.add(self)
         self._show(context)
         return {"RUNNING_MODAL"}
 
@@ -202,6 +203,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
 
     def _end(self, context):
         overlay.picking = None
+        going_on.discard(self)
         # There is no window any more when another file is being opened.
         if context.window is not None:
             context.window.cursor_modal_restore()

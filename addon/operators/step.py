@@ -5,6 +5,9 @@ from .. import core, notice, pair
 from .. import job as job_module
 from ..mesh_read import UnusableObjectError
 
+# Operators that go on in the window. Disabling the extension takes their classes away without a word to them.
+going_on = set()
+
 RUNNING = "A match is running. Wait for it, or press Esc to stop it"
 
 
@@ -21,6 +24,17 @@ def needs_matched(context):
     if job_module.current is not None:
         return RUNNING
     return "" if pair.matched(context) else "Nothing is matched yet. Press Match first"
+
+
+def end_all(context):
+    """End the operators that go on in the window, and give status bar and pointer back wherever they are."""
+    if not going_on:
+        return
+    for operator in list(going_on):
+        operator.cancel(context)
+    for window in context.window_manager.windows:
+        window.cursor_modal_restore()
+        window.workspace.status_text_set(None)
 
 
 class Step:

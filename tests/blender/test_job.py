@@ -6,9 +6,11 @@ import time
 import bpy
 import pytest
 
+from addon import job as job_module
 from addon import mesh_read
 from addon.mesh_read import UnusableObjectError, value_of
-from addon.operators.match import reading, store
+from addon.operators.match import JobOperator, reading, store
+from addon.operators.step import going_on
 
 
 @pytest.fixture
@@ -106,3 +108,19 @@ def test_missing_core_is_a_message(job, monkeypatch):
     monkeypatch.setattr(core, "load", broken)
     job.run()
     assert "core" in core.explain(job.error)
+
+
+def test_disabling_the_extension_ends_what_goes_on(registered, scene, monkeypatch):
+    """Blender drops the operators without a word, so the extension itself gives the status bar back."""
+    said = []
+    monkeypatch.setattr(bpy.types.WorkSpace, "status_text_set", lambda _, text: said.append(text))
+    operator = JobOperator()
+    operator._job = job_module.current = job_module.Job()
+    operator._beginning, operator._timer = iter(()), None
+    going_on.add(operator)
+    registered.unregister()
+    try:
+        assert operator._job.cancelling and job_module.current is None and not going_on
+        assert said and set(said) == {None}
+    finally:
+        registered.register()
