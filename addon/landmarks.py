@@ -7,6 +7,7 @@ import bpy
 
 from . import stored_match
 from .mesh_read import UnusableObjectError
+from .pair import resolve
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,16 @@ def of_pair(settings, source, target):
     """The landmarks of this pair with their ends, in the list's order."""
     found = ((landmark, ends(landmark, source, target)) for landmark in settings.landmarks)
     return [(landmark, pair) for landmark, pair in found if pair is not None]
+
+
+def listed(context):
+    """Places in the scene's list of the chosen pairs' landmarks, which are those that the panel shows."""
+    chosen = resolve(context)
+    return [
+        place
+        for place, landmark in enumerate(context.scene.spectral_match.landmarks)
+        if any(ends(landmark, chosen.source, target) is not None for target in chosen.targets)
+    ]
 
 
 def outdated(pair, source, target):

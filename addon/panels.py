@@ -288,15 +288,9 @@ class VIEW3D_UL_spectral_match_landmarks(UIList):
             where.label(text=f"{ends.source_vertex} → {ends.target_vertex}")
 
     def filter_items(self, context, data, name):
-        found = pair.resolve(context)
-        items = getattr(data, name)
-        shown = [
-            self.bitflag_filter_item
-            if any(landmarks.ends(item, found.source, target) for target in found.targets)
-            else 0
-            for item in items
-        ]
-        return shown, []
+        listed = set(landmarks.listed(context))
+        many = len(getattr(data, name))
+        return [self.bitflag_filter_item if place in listed else 0 for place in range(many)], []
 
 
 class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):

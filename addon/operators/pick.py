@@ -74,7 +74,7 @@ def _vertex_at(obj, depsgraph, place, face):
         return min(corners, key=lambda vertex: (shown.vertices[vertex].co - place).length_squared)
     miss = np.linalg.norm(mesh_read.positions(obj.data) - np.array(place), axis=1)
     vertex = int(miss.argmin())
-    if miss[vertex] > MODIFIER_MISS * max(obj.dimensions) / max(abs(s) for s in obj.scale):
+    if miss[vertex] > MODIFIER_MISS * np.ptp(obj.bound_box, axis=0).max():
         raise UnusableObjectError(
             f"Modifiers show '{obj.name}' far from its mesh and with other vertices. Switch them off in the "
             "viewport to pick points"
@@ -253,8 +253,7 @@ class SPECTRAL_MATCH_OT_add_landmark(Step, Operator):
 
 
 def _needs_landmark(context):
-    settings = context.scene.spectral_match
-    chosen = 0 <= settings.landmark_index < len(settings.landmarks)
+    chosen = context.scene.spectral_match.landmark_index in landmarks.listed(context)
     return "" if chosen else "Choose a landmark in the list"
 
 
@@ -269,8 +268,12 @@ class SPECTRAL_MATCH_OT_remove_landmark(Step, Operator):
 
     def act(self, context):
         settings = context.scene.spectral_match
-        settings.landmarks.remove(settings.landmark_index)
-        settings.landmark_index = min(settings.landmark_index, len(settings.landmarks) - 1)
+        removed = settings.landmark_index
+        settings.landmarks.remove(removed)
+        # The next one of the list, or its last one.
+        settings.landmark_index = min(
+            landmarks.listed(context), key=lambda place: (place < removed, abs(place - removed)), default=-1
+        )
         return {"FINISHED"}
 
 
@@ -295,12 +298,11 @@ class SPECTRAL_MATCH_OT_go_to_landmark(Step, Operator):
         settings = context.scene.spectral_match
         landmark = settings.landmarks[settings.landmark_index]
         found = pair.resolve(context)
-        for target in found.targets:
-            ends = landmarks.ends(landmark, found.source, target)
-            if ends is not None:
-                break
-        else:
-            raise UnusableObjectError(f"'{landmark.name}' belongs to other objects than those chosen")
+        target, ends = next(
+            (target, ends)
+            for target in found.targets
+            if (ends := landmarks.ends(landmark, found.source, target)) is not None
+        )
         on_source = self.end == "SOURCE"
         obj, vertex = (found.source, ends.source_vertex) if on_source else (target, ends.target_vertex)
         if vertex >= len(obj.data.vertices):

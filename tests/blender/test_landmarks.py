@@ -6,9 +6,12 @@ import numpy as np
 import pytest
 import sgmds
 from conftest import choose, lumpy, new_object
+from mathutils import Vector
 
 from addon import landmarks, mesh_read, stored_match
+from addon.mesh_read import UnusableObjectError
 from addon.mesh_write import read_attribute
+from addon.operators import pick
 
 
 def add(source_vertex, target_vertex):
@@ -102,3 +105,45 @@ def test_deleted_object_leaves_a_harmless_landmark(pair, scene):
     bpy.data.objects.remove(target)
     other = new_object("Other", *lumpy(6))
     assert landmarks.vertex_pairs(scene.spectral_match, source, other) == []
+
+
+def test_a_landmark_that_is_not_listed_is_not_removed(pair, scene):
+    add(3, 7)
+    choose(new_object("A", *lumpy(4)), new_object("B", *lumpy(4)))
+    assert not bpy.ops.spectral_match.remove_landmark.poll()
+    for vertex in (1, 2):
+        add(vertex, vertex)
+    settings = scene.spectral_match
+    settings.landmark_index = 0
+    assert not bpy.ops.spectral_match.remove_landmark.poll()
+    settings.landmark_index = 1
+    # The next one of the list follows, and after its last one there is none to remove.
+    for many in (2, 1):
+        assert bpy.ops.spectral_match.remove_landmark() == {"FINISHED"}
+        assert len(settings.landmarks) == many
+    assert not bpy.ops.spectral_match.remove_landmark.poll()
+    assert settings.landmarks[0].source.name == "Source"
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.01])
+def test_picking_below_a_scaled_parent(scene, scale):
+    vertices, faces = lumpy(6)
+    body = new_object("Body", vertices / scale, faces)
+    body.parent = bpy.data.objects.new("Root", None)
+    bpy.context.collection.objects.link(body.parent)
+    body.parent.scale = (scale, scale, scale)
+    modifier = body.modifiers.new("Subdivision", "SUBSURF")
+    bpy.context.view_layer.update()
+    depsgraph = bpy.context.evaluated_depsgraph_get()
+    top = mesh_read.positions(body.data)[:, 2].argmax()
+    place = body.data.vertices[top].co
+    hit, near, _, face = body.closest_point_on_mesh(place, depsgraph=depsgraph)
+    assert hit and pick._vertex_at(body, depsgraph, near, face) == top
+    # Far from every vertex of the mesh itself there is nothing to pick.
+    modifier.show_viewport = False
+    body.modifiers.new("Screw", "SCREW").screw_offset = 10.0 / scale
+    bpy.context.view_layer.update()
+    with pytest.raises(UnusableObjectError, match="far from its mesh"):
+        pick._vertex_at(
+            body, bpy.context.evaluated_depsgraph_get(), place + Vector((0.0, 0.0, 9.0 / scale)), 0
+        )
