@@ -4,9 +4,8 @@
 import bpy
 
 GROUP = MODIFIER = "Spectral Match Morph"
-FACTOR = "Factor"
-SOURCE = "Source"
-IN_PLACE = "In Place"
+# Inputs of the group, made in this order, by their identifiers, which stay when somebody renames them.
+FACTOR, SOURCE, IN_PLACE = "Socket_1", "Socket_2", "Socket_3"
 
 
 def modifier_of(obj):
@@ -15,23 +14,31 @@ def modifier_of(obj):
     return found if found is not None and found.type == "NODES" else None
 
 
-def place_of(modifier, name):
+def is_whole(modifier):
+    """Whether this is a morph modifier whose group still has its inputs."""
+    if modifier is None or modifier.node_group is None:
+        return False
+    inputs = {
+        item.identifier for item in modifier.node_group.interface.items_tree if item.item_type == "SOCKET"
+    }
+    return {FACTOR, SOURCE, IN_PLACE} <= inputs
+
+
+def place_of(modifier, identifier):
     """Owner and property path of a group input's value, as a panel takes them."""
-    items = modifier.node_group.interface.items_tree
-    identifier = next(item.identifier for item in items if item.name == name and item.in_out == "INPUT")
     # From Blender 5.2 on inputs are properties of their own; before, they are custom properties.
     if hasattr(modifier, "properties"):
         return getattr(modifier.properties.inputs, identifier), "value"
     return modifier, f'["{identifier}"]'
 
 
-def value(modifier, name):
-    owner, path = place_of(modifier, name)
+def value(modifier, identifier):
+    owner, path = place_of(modifier, identifier)
     return owner.path_resolve(path)
 
 
-def set_value(modifier, name, new):
-    owner, path = place_of(modifier, name)
+def set_value(modifier, identifier, new):
+    owner, path = place_of(modifier, identifier)
     if owner == modifier:
         modifier[path[2:-2]] = new
     else:
@@ -41,12 +48,14 @@ def set_value(modifier, name, new):
 
 def factor_of(obj):
     modifier = modifier_of(obj)
-    return 0.0 if modifier is None or modifier.node_group is None else value(modifier, FACTOR)
+    return value(modifier, FACTOR) if is_whole(modifier) else 0.0
 
 
 def add(target):
     modifier = target.modifiers.new(MODIFIER, "NODES")
-    modifier.node_group = bpy.data.node_groups.get(GROUP) or make_group()
+    modifier.node_group = bpy.data.node_groups.get(GROUP)
+    if not is_whole(modifier):
+        modifier.node_group = make_group()
     set_value(modifier, SOURCE, target.spectral_match_source)
     return modifier
 
@@ -71,15 +80,18 @@ def make_group():
     group.is_modifier = True
     group.description = "Moves vertices to their places on the source of the match"
     inputs = {}
-    for name, kind in (("Geometry", "NodeSocketGeometry"), (FACTOR, "NodeSocketFloat")):
+    for name, kind in (
+        ("Geometry", "NodeSocketGeometry"),
+        ("Factor", "NodeSocketFloat"),
+        ("Source", "NodeSocketObject"),
+        ("In Place", "NodeSocketBool"),
+    ):
         inputs[name] = group.interface.new_socket(name, in_out="INPUT", socket_type=kind)
-    inputs[SOURCE] = group.interface.new_socket(SOURCE, in_out="INPUT", socket_type="NodeSocketObject")
-    inputs[IN_PLACE] = group.interface.new_socket(IN_PLACE, in_out="INPUT", socket_type="NodeSocketBool")
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
-    factor = inputs[FACTOR]
+    factor = inputs["Factor"]
     factor.subtype, factor.min_value, factor.max_value, factor.default_value = "FACTOR", 0.0, 1.0, 0.0
     factor.description = "0 is the target's own shape, 1 the source's"
-    inputs[IN_PLACE].description = "Keep the target where it stands instead of moving it onto the source"
+    inputs["In Place"].description = "Keep the target where it stands instead of moving it onto the source"
 
     nodes, links = group.nodes, group.links
 
@@ -101,14 +113,14 @@ def make_group():
     mixed = node("ShaderNodeMix", (140, -120), data_type="VECTOR")
     placed = node("GeometryNodeSetPosition", (380, 0))
 
-    links.new(incoming.outputs[SOURCE], there.inputs["Object"])
+    links.new(incoming.outputs["Source"], there.inputs["Object"])
     links.new(image.outputs["Attribute"], moved.inputs["Vector"])
     links.new(there.outputs["Transform"], moved.inputs["Transform"])
-    links.new(incoming.outputs[IN_PLACE], chosen.inputs["Switch"])
+    links.new(incoming.outputs["In Place"], chosen.inputs["Switch"])
     links.new(moved.outputs["Vector"], chosen.inputs["False"])
     links.new(image.outputs["Attribute"], chosen.inputs["True"])
     vectors = [socket for socket in mixed.inputs if socket.type == "VECTOR" and socket.enabled]
-    links.new(incoming.outputs[FACTOR], next(s for s in mixed.inputs if s.enabled and s.name == "Factor"))
+    links.new(incoming.outputs["Factor"], next(s for s in mixed.inputs if s.enabled and s.name == "Factor"))
     links.new(own.outputs["Position"], vectors[-2])
     links.new(chosen.outputs["Output"], vectors[-1])
     links.new(incoming.outputs["Geometry"], placed.inputs["Geometry"])

@@ -253,11 +253,11 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         row.operator("spectral_match.morph", icon="MOD_SIMPLEDEFORM", depress=modifier is not None)
         if now == "CONFIDENCE" or overlay.lines_shown():
             draw_words(context, layout, "Blue is sure, yellow is doubtful", dim=True)
-        if modifier is not None and modifier.node_group is not None:
+        if morph.is_whole(modifier):
             morphing = layout.column(align=True)
             for target in matched:
                 found = morph.modifier_of(target)
-                if found is not None and found.node_group is not None:
+                if morph.is_whole(found):
                     text = "Morph" if len(matched) == 1 else target.name
                     morphing.prop(*morph.place_of(found, morph.FACTOR), text=text, slider=True)
             if len(matched) == 1:

@@ -274,7 +274,8 @@ def steps():
     modifier = troll().modifiers[0]
     assert modifier.type == "NODES"
     before = Vector(shown_centre(troll()))
-    addon("morph").set_value(modifier, "Factor", 0.5)
+    morph = addon("morph")
+    morph.set_value(modifier, morph.FACTOR, 0.5)
     bpy.context.view_layer.update()
     yield from window.shot("07_morph")
     assert (Vector(shown_centre(troll())) - before).length > 1.0, "the morph moves the target"

@@ -128,3 +128,23 @@ def test_colours_off_brings_the_earlier_layer_back(pair):
     assert target.data.color_attributes.active_color.name == "match_color"
     bpy.ops.spectral_match.show(what="NOTHING")
     assert target.data.color_attributes.active_color.name == "Paint"
+
+
+def test_morph_survives_renamed_and_removed_inputs(pair):
+    _, target, _ = pair
+    bpy.ops.spectral_match.match()
+    bpy.ops.spectral_match.morph()
+    modifier = morph.modifier_of(target)
+    inputs = modifier.node_group.interface
+    factor = next(item for item in inputs.items_tree if item.identifier == morph.FACTOR)
+    factor.name = "Amount"
+    set_input(target, morph.FACTOR, 0.5)
+    assert morph.factor_of(target) == 0.5
+    inputs.remove(factor)
+    assert morph.factor_of(target) == 0.0 and not morph.is_whole(modifier)
+    modifier.node_group.use_fake_user = True
+    # Off and on again it has a group of its own that works.
+    for _ in range(2):
+        assert bpy.ops.spectral_match.morph() == {"FINISHED"}
+    set_input(target, morph.FACTOR, 1.0)
+    assert morph.factor_of(target) == 1.0
