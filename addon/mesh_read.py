@@ -263,7 +263,14 @@ def _evaluated_positions(context, obj):
     """Coordinates after modifiers and shape keys, which must leave numbering and faces as they are."""
     if morph.factor_of(obj) > 0.0:
         raise UnusableObjectError(f"'{obj.name}' is morphed. Set Morph to 0 and match again")
-    shown = obj.evaluated_get(context.evaluated_depsgraph_get())
+    depsgraph = context.evaluated_depsgraph_get()
+    # Only these are evaluated for themselves: with those that an eye hides, without those switched off.
+    if obj.name not in depsgraph.view_layer_eval.objects:
+        raise UnusableObjectError(
+            f"'{obj.name}' is hidden in all viewports or not in this view layer. Show it, or set Shape to "
+            "Original"
+        )
+    shown = obj.evaluated_get(depsgraph)
     mesh = shown.to_mesh()
     try:
         same = len(mesh.vertices) == len(obj.data.vertices) and np.array_equal(

@@ -459,3 +459,21 @@ def test_confidence_is_shown_as_colours(pair):
     assert bpy.ops.spectral_match.show(what="COLOURS") == {"FINISHED"}
     assert target.data.color_attributes.active_color.name == "match_color"
     assert bpy.ops.spectral_match.show(what="NOTHING") == {"FINISHED"}
+
+
+@pytest.mark.parametrize("pinned", [False, True])
+def test_hidden_object_has_no_shown_form(pair, scene, pinned):
+    """A script can name hidden objects; those of the pin are in the dependency graph, but not evaluated."""
+    source, target, _ = pair
+    if pinned:
+        bpy.ops.spectral_match.pin()
+    target.modifiers.new("Cast", "CAST").factor = 1.0
+    target.hide_viewport = True
+    bpy.context.view_layer.update()
+    with pytest.raises(mesh_read.UnusableObjectError, match="'Target' is hidden"):
+        mesh_read.value_of(mesh_read.reading(bpy.context, target, evaluated=True))
+    target.hide_viewport = False
+    target.hide_set(True)
+    bpy.context.view_layer.update()
+    shown = mesh_read.value_of(mesh_read.reading(bpy.context, target, evaluated=True))
+    assert np.abs(shown.local - mesh_read.positions(target.data)).max() > 0.5
