@@ -142,9 +142,14 @@ def _draw_lines():
         return
     depsgraph = context.evaluated_depsgraph_get()
     ends, colours = [], []
+    chosen = pair.resolve(context).source
     for target in pair.matched(context):
         source = target.spectral_match_source
-        if not stored_match.state(target).usable or source.data.is_editmode or target.data.is_editmode:
+        if (
+            not stored_match.state(target, chosen).usable
+            or source.data.is_editmode
+            or target.data.is_editmode
+        ):
             continue
         if not (source.visible_get() and target.visible_get()):
             continue

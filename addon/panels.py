@@ -193,30 +193,30 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         layout = self.layout
         matched = pair.matched(context)
         column = layout.column(align=True)
+        source = pair.resolve(context).source
         for target in matched:
+            now = stored_match.state(target, source)
             if len(matched) > MOST_BOXES:
-                self._draw_line(column, target)
+                self._draw_line(column, target, now)
             else:
-                self._draw_box(context, layout, target, named=len(matched) > 1)
+                self._draw_box(context, layout, target, now, named=len(matched) > 1)
         self._draw_show(context, layout, matched)
 
     @staticmethod
-    def _draw_line(column, target):
+    def _draw_line(column, target, now):
         stored = target.data.spectral_match
-        usable = stored_match.state(target).usable
         row = column.row()
-        row.alert = not usable or stored.grade == "red"
-        row.label(text=target.name, icon=GRADE_ICONS.get(stored.grade, "QUESTION") if usable else "ERROR")
+        row.alert = not now.usable or stored.grade == "red"
+        row.label(text=target.name, icon=GRADE_ICONS.get(stored.grade, "QUESTION") if now.usable else "ERROR")
         if stored.swapped_sides:
             row.label(text="", icon="MOD_MIRROR")
         share = row.row()
         share.alignment = "RIGHT"
-        share.label(text=f"{stored.mean_confidence:.0%}" if usable else "match again")
+        share.label(text=f"{stored.mean_confidence:.0%}" if now.usable else "match again")
 
     @staticmethod
-    def _draw_box(context, layout, target, *, named):
+    def _draw_box(context, layout, target, now, *, named):
         stored = target.data.spectral_match
-        now = stored_match.state(target)
         box = layout.box().column()
         if named:
             box.label(text=target.name, icon="OUTLINER_OB_MESH")
@@ -355,9 +355,14 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
     def draw(self, context):
         layout = self.layout
         settings = context.scene.spectral_match
-        source = pair.matched(context)[0].spectral_match_source
+        matched, chosen = pair.matched(context), pair.resolve(context).source
+        source = chosen or matched[0].spectral_match_source
         if not pair.is_there(source):
             layout.label(text="The source is gone", icon="ERROR")
+            return
+        elsewhere = [stored_match.matched_elsewhere(target, chosen) for target in matched]
+        if all(elsewhere):
+            draw_words(context, layout, elsewhere[0], "ERROR")
             return
         column = layout.column(align=True)
         for kind in KINDS:

@@ -15,7 +15,10 @@ MATCHED = "MATCHED"
 MOVED = "MOVED"
 STALE = "STALE"
 LOST = "LOST"
+ELSEWHERE = "ELSEWHERE"
 NONE = "NONE"
+# The attributes that a stored map cannot do without.
+MAP = ("match_face", "match_barycentric", "match_confidence")
 
 
 @dataclass(frozen=True)
@@ -57,8 +60,9 @@ def keep_maps(mesh, maps):
 
 
 def maps_of(mesh):
-    """All maps found with the match that this target mesh has, or None."""
-    return _maps.get(mesh.spectral_match.identifier)
+    """All maps found with the match that this target mesh has, or None. A copy of it has only the match."""
+    maps = _maps.get(mesh.spectral_match.identifier)
+    return maps if maps is not None and maps.target.mesh_uid == mesh.session_uid else None
 
 
 def forget_fingerprint(mesh):
@@ -72,17 +76,30 @@ def current_fingerprint(mesh):
     return known
 
 
-def state(target):
-    """Whether the match stored on `target` still belongs to the two meshes as they are."""
+def matched_elsewhere(target, source):
+    """What to do where `target` was matched with another source than the one chosen, else ""."""
+    own = target.spectral_match_source
+    if source in (None, own) or own is None:
+        return ""
+    return f"'{target.name}' was matched with '{own.name}': match again or choose that one as source"
+
+
+def state(target, source=None):
+    """Whether the match stored on `target` still belongs to the two meshes as they are.
+
+    Where a source was chosen, it has to be the one that the target was matched with.
+    """
     stored = target.data.spectral_match
     if not stored.target_fingerprint:
         return State(NONE)
+    elsewhere = matched_elsewhere(target, source)
     source = target.spectral_match_source
     if not pair.is_there(source) or source.type != "MESH":
         return State(LOST, f"The source '{stored.source_name}' is gone. Match again with another one")
-    if "match_face" not in target.data.attributes or "match_barycentric" not in target.data.attributes:
-        if not target.data.is_editmode:
-            return State(STALE, f"The match of '{target.name}' was removed from its attributes. Match again")
+    if elsewhere:
+        return State(ELSEWHERE, elsewhere)
+    if not all(name in target.data.attributes for name in MAP):
+        return State(STALE, f"The match of '{target.name}' was removed from its attributes. Match again")
     verdicts = [
         (obj.name, Fingerprint.parse(kept), current_fingerprint(obj.data))
         for obj, kept in ((source, stored.source_fingerprint), (target, stored.target_fingerprint))
@@ -99,9 +116,9 @@ def state(target):
     return State(MATCHED)
 
 
-def require(target):
+def require(target, source=None):
     """The stored match of `target`; raises `UnusableObjectError` when there is none that can be used."""
-    now = state(target)
+    now = state(target, source)
     if now.code == NONE:
         raise UnusableObjectError(f"'{target.name}' has no match yet. Press Match first")
     if not now.usable:

@@ -4,10 +4,26 @@
 from bpy.props import StringProperty
 from bpy.types import Operator
 
-from .. import core, mesh_write, pair
+from .. import core, mesh_read, mesh_write, pair, stored_match
 from ..mesh_read import UnusableObjectError
 from ..transfer import KINDS, TransferOptions, carry_all, checked
 from .step import Step, needs_matched
+
+
+def carry(context, source, target, options, chosen):
+    """`carry_all` in Object Mode, from the chosen source or, for None, from the one that it was matched with.
+
+    Raises `UnusableObjectError`, also for what the core refuses; before it leaves the mode, if it can.
+    """
+    mesh_read.check_usable(target, as_target=True)
+    stored_match.require(target, source)
+    with mesh_write.object_mode(context, [target.spectral_match_source, target]):
+        try:
+            return carry_all(target, options, chosen)
+        except core.load().SgmdsError as reason:
+            raise UnusableObjectError(
+                f"Nothing was carried from '{target.spectral_match_source.name}' to '{target.name}': {reason}"
+            ) from reason
 
 
 class GivenOptions:
@@ -50,9 +66,8 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Step, Operator):
         notes, carried = [], 0
         for target in found.targets:
             try:
-                sources = [target.spectral_match_source or found.source, target]
-                with mesh_write.object_mode(context, sources):
-                    notes += carry_all(target, options, chosen)
+                self._check_items(target)
+                notes += carry(context, found.source, target, options, chosen)
                 carried += 1
             except (UnusableObjectError, core.CoreMissingError) as reason:
                 notes.append(str(reason))
@@ -65,7 +80,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Step, Operator):
     def _choice(self, settings):
         """Which items go: those named by the script, those of its kinds, or those checked in the panel."""
         known = [kind.identifier for kind in KINDS]
-        items = {line.strip() for line in self.items.splitlines() if line.strip()}
+        items = self._items()
         kinds = {name.strip() for name in self.kinds.split(",") if name.strip()}
         unknown = (kinds | {item.partition("/")[0] for item in items}) - set(known)
         if unknown:
@@ -76,6 +91,25 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Step, Operator):
         if not items and not kinds:
             return checked(settings)
         return lambda kind, name: kind.identifier in kinds or f"{kind.identifier}/{name}" in items
+
+    def _items(self):
+        return {line.strip() for line in self.items.splitlines() if line.strip()}
+
+    def _check_items(self, target):
+        """Raise `UnusableObjectError` when the target's source lacks an item that the script named."""
+        source = target.spectral_match_source
+        items = self._items()
+        if not items or not pair.is_there(source):
+            return
+        wanted = {item.partition("/")[0] for item in items}
+        there = {
+            f"{kind.identifier}/{name}"
+            for kind in KINDS
+            if kind.identifier in wanted
+            for name in kind.names(source)
+        }
+        if items - there:
+            raise UnusableObjectError(f"'{source.name}' does not have {', '.join(sorted(items - there))}")
 
 
 class SPECTRAL_MATCH_OT_toggle_item(Step, Operator):

@@ -31,10 +31,13 @@ class SPECTRAL_MATCH_OT_swap_roles(Step, Operator):
             settings.source, settings.target = settings.target, settings.source
             return {"FINISHED"}
         for obj in (found.source, found.targets[0]):
-            if obj.name not in context.view_layer.objects:
+            there = obj.name in context.view_layer.objects
+            if not there or not obj.visible_get() or obj.hide_select:
                 raise UnusableObjectError(
-                    f"'{obj.name}' is not in this view layer. Pin both objects to choose them by name"
+                    f"'{obj.name}' is {'hidden or not selectable' if there else 'not in this view layer'}. "
+                    "Pin both objects to choose them by name"
                 )
+        for obj in (found.source, found.targets[0]):
             obj.select_set(True)
         context.view_layer.objects.active = found.targets[0]
         return {"FINISHED"}
@@ -76,14 +79,14 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
             return "Choose one matched target"
         maps = stored_match.maps_of(matched[0].data)
         if maps is None:
-            return "Other maps are not kept with the file. Match again to find them"
+            return "Other maps are not kept with a file or with a copy of the mesh. Match again to find them"
         if maps.best.alternative_count == 0:
             return "The match found no other plausible map. Add landmarks to steer it"
         return ""
 
     def begin(self, context):
         target = pair.matched(context)[0]
-        stored = stored_match.require(target)
+        stored = stored_match.require(target, pair.resolve(context).source)
         maps = stored_match.maps_of(target.data)
         number = (stored.alternative + self.step) % (1 + maps.best.alternative_count)
         threads = preferences.of(context).threads or None

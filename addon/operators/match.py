@@ -9,8 +9,9 @@ from .. import core, landmarks, mesh_read, mesh_write, notice, pair, preferences
 from .. import job as job_module
 from ..job import Job, MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
-from ..transfer import carry_all, checked
+from ..transfer import checked
 from . import show
+from .carry import carry
 from .step import Step, going_on, needs_pair, nothing
 
 POLL_SECONDS = 0.05
@@ -41,19 +42,23 @@ def reading(context, source, targets, *, swap_sides=False):
         storage=preferences.storage(context),
     )
     # All questions to objects and settings come before the first step: they may be gone after it.
-    wanted, pairs = {}, {}
+    wanted, pairs, notes = {}, {}, []
     for target in targets:
         mesh_read.check_usable(target, as_target=True)
         pairs.setdefault(target.session_uid, landmarks.vertex_pairs(settings, source, target))
         if target.data != source.data:
             wanted.setdefault(target.data.session_uid, (target.session_uid, target.name))
+        else:
+            notes.append(f"'{target.name}' was left out: it shares the mesh of '{source.name}'")
     source_surface = yield from mesh_read.reading(context, source, evaluated=evaluated)
     surfaces = []
     for uid, name in wanted.values():
         target = present(uid, name)
         surfaces.append((yield from mesh_read.reading(context, target, evaluated=evaluated, as_target=True)))
         yield
-    return MatchJob(source_surface, surfaces, options, pairs)
+    job = MatchJob(source_surface, surfaces, options, pairs)
+    job.notes += notes
+    return job
 
 
 def store(context, job):
@@ -228,8 +233,8 @@ class MatchOperator(JobOperator):
             settings = context.scene.spectral_match
             for target in stored:
                 try:
-                    trouble += carry_all(target, settings, checked(settings))
-                except UnusableObjectError as reason:
+                    trouble += carry(context, None, target, settings, checked(settings))
+                except (UnusableObjectError, core.CoreMissingError) as reason:
                     trouble.append(str(reason))
         if not stored:
             return self.fail(" ".join(trouble))

@@ -131,13 +131,16 @@ class SPECTRAL_MATCH_OT_show(Step, Operator):
         return next(words for identifier, _, words in WAYS if identifier == properties.what)
 
     def act(self, context):
-        matched = pair.matched(context)
+        matched, source = pair.matched(context), pair.resolve(context).source
         for target in matched:
+            elsewhere = stored_match.matched_elsewhere(target, source)
+            if self.what != "NOTHING" and elsewhere:
+                raise UnusableObjectError(elsewhere)
             if self.what != "NOTHING" and "match_confidence" not in target.data.attributes:
                 raise UnusableObjectError(
                     f"The match of '{target.name}' was removed from its attributes. Match again"
                 )
-        SHOWN[self.what](context, pair.resolve(context).source, matched)
+        SHOWN[self.what](context, source, matched)
         return {"FINISHED"}
 
 
@@ -184,7 +187,7 @@ class SPECTRAL_MATCH_OT_morph(Step, Operator):
         add = not any(morph.modifier_of(target) for target in matched)
         for target in matched:
             if add:
-                stored_match.require(target)
+                stored_match.require(target, pair.resolve(context).source)
                 mesh_read.check_usable(target, as_target=True)
                 morph.add(target)
             else:

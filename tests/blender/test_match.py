@@ -461,6 +461,37 @@ def test_confidence_is_shown_as_colours(pair):
     assert bpy.ops.spectral_match.show(what="NOTHING") == {"FINISHED"}
 
 
+def test_swapping_with_a_hidden_source_is_refused_in_words(pair):
+    source, target, _ = pair
+    match()
+    choose(target)
+    source.hide_set(True)
+    with pytest.raises(RuntimeError, match="'Source' is hidden"):
+        bpy.ops.spectral_match.swap_roles()
+
+
+def test_a_copy_has_no_other_maps(pair):
+    """Shift D copies the match with its identifier; a map of the original is none of the copy."""
+    source, target, _ = pair
+    match()
+    copy = bpy.data.objects.new("Copy", target.data.copy())
+    bpy.context.collection.objects.link(copy)
+    copy.spectral_match_source = source
+    assert stored_match.maps_of(target.data) is not None and stored_match.maps_of(copy.data) is None
+    choose(source, copy)
+    with pytest.raises(RuntimeError, match="Match again to find them"):
+        bpy.ops.spectral_match.alternative()
+
+
+def test_target_that_shares_the_mesh_is_named(pair):
+    source, target, _ = pair
+    twin = bpy.data.objects.new("Twin", source.data)
+    bpy.context.collection.objects.link(twin)
+    choose(source, target, twin)
+    assert match() == {"FINISHED"}
+    assert "'Twin' was left out" in notice.words and target.data.spectral_match.grade
+
+
 @pytest.mark.parametrize("pinned", [False, True])
 def test_hidden_object_has_no_shown_form(pair, scene, pinned):
     """A script can name hidden objects; those of the pin are in the dependency graph, but not evaluated."""
@@ -477,3 +508,23 @@ def test_hidden_object_has_no_shown_form(pair, scene, pinned):
     bpy.context.view_layer.update()
     shown = mesh_read.value_of(mesh_read.reading(bpy.context, target, evaluated=True))
     assert np.abs(shown.local - mesh_read.positions(target.data)).max() > 0.5
+
+
+def test_match_and_transfer_in_edit_mode(pair):
+    source, target, _ = pair
+    source.vertex_groups.new(name="Group").add(range(50), 1.0, "REPLACE")
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert bpy.ops.spectral_match.batch() == {"FINISHED"}
+    assert target.mode == "EDIT" and [group.name for group in target.vertex_groups] == ["Group"]
+
+
+def test_undo_in_edit_mode_leaves_no_match(pair):
+    bpy.ops.object.mode_set(mode="EDIT")
+    bpy.ops.ed.undo_push(message="Edit Mode")
+    match()
+    bpy.ops.ed.undo_push(message="Match")
+    target = bpy.data.objects["Target"]
+    assert stored_match.state(target).code == stored_match.MATCHED
+    bpy.ops.ed.undo()
+    target = bpy.data.objects["Target"]
+    assert target.mode == "EDIT" and not stored_match.state(target).usable

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 import pytest
-from conftest import lumpy, new_object
+from conftest import choose, lumpy, new_object
 
 from addon import morph, overlay, palette
 from addon.mesh_write import read_attribute
@@ -148,3 +148,13 @@ def test_morph_survives_renamed_and_removed_inputs(pair):
         assert bpy.ops.spectral_match.morph() == {"FINISHED"}
     set_input(target, morph.FACTOR, 1.0)
     assert morph.factor_of(target) == 1.0
+
+
+def test_another_source_than_the_matched_one_is_not_shown(pair):
+    _, target, _ = pair
+    bpy.ops.spectral_match.match()
+    choose(new_object("Other", *lumpy(4)), target)
+    for step in (lambda: bpy.ops.spectral_match.show(what="COLOURS"), bpy.ops.spectral_match.morph):
+        with pytest.raises(RuntimeError, match="'Target' was matched with 'Source'"):
+            step()
+    assert not target.modifiers and bpy.ops.spectral_match.show(what="NOTHING") == {"FINISHED"}

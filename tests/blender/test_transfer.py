@@ -7,8 +7,9 @@ import pytest
 import sgmds
 from conftest import choose, lumpy, new_object, triangle_vertices
 
-from addon import mesh_read
+from addon import mesh_read, notice
 from addon.mesh_write import read_attribute, write_attribute
+from addon.operators import carry
 
 
 def store_map(source, target, faces, barycentric):
@@ -268,3 +269,62 @@ def test_ninth_uv_map_is_refused_in_words(scene):
     choose(source, target)
     with pytest.raises(RuntimeError, match="Remove one"):
         bpy.ops.spectral_match.transfer()
+
+
+def known_pair():
+    source = new_object("Source", *lumpy(4))
+    target = without_data(source, "Target")
+    store_identity(source, target)
+    choose(source, target)
+    return source, target
+
+
+def test_what_the_core_refuses_is_said_in_words(scene, monkeypatch):
+    def refuses(*_):
+        raise sgmds.SgmdsError("nothing finite")
+
+    known_pair()
+    monkeypatch.setattr(carry, "carry_all", refuses)
+    with pytest.raises(RuntimeError) as refused:
+        bpy.ops.spectral_match.transfer()
+    assert "Traceback" not in str(refused.value)
+    assert notice.words == "Nothing was carried from 'Source' to 'Target': nothing finite"
+
+
+def test_removed_attribute_is_said_in_words(scene):
+    _, target = known_pair()
+    target.data.attributes.remove(target.data.attributes["match_confidence"])
+    with pytest.raises(RuntimeError, match="was removed from its attributes"):
+        bpy.ops.spectral_match.transfer()
+
+
+def test_another_source_than_the_matched_one_is_refused(scene):
+    source, target = known_pair()
+    source.vertex_groups.new(name="Group").add([0], 1.0, "REPLACE")
+    choose(new_object("Other", *lumpy(4)), target)
+    with pytest.raises(RuntimeError, match="'Target' was matched with 'Source'"):
+        bpy.ops.spectral_match.transfer()
+    assert not target.vertex_groups
+    # Alone, the target means the source that it was matched with.
+    choose(target)
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"} and target.vertex_groups
+
+
+def test_unknown_item_is_refused_in_words(scene):
+    source, target = known_pair()
+    source.vertex_groups.new(name="Hand.L").add([0], 1.0, "REPLACE")
+    with pytest.raises(RuntimeError, match="'Source' does not have groups/Hnad.L"):
+        bpy.ops.spectral_match.transfer(items="groups/Hand.L\ngroups/Hnad.L")
+    assert not target.vertex_groups
+    assert bpy.ops.spectral_match.transfer(items="groups/Hand.L") == {"FINISHED"} and target.vertex_groups
+
+
+def test_refused_transfer_leaves_dynamic_topology_on(scene):
+    source, target = known_pair()
+    bpy.ops.spectral_match.pin()
+    choose(target)
+    bpy.ops.object.mode_set(mode="SCULPT")
+    bpy.ops.sculpt.dynamic_topology_toggle()
+    with pytest.raises(RuntimeError, match="Leave Sculpt Mode first"):
+        bpy.ops.spectral_match.transfer()
+    assert target.mode == "SCULPT" and target.use_dynamic_topology_sculpting
