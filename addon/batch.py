@@ -12,10 +12,11 @@ from pathlib import Path
 
 import bpy
 
-from . import core, mesh_write
+from . import core
 from .mesh_read import UnusableObjectError, value_of
+from .operators.carry import carry
 from .operators.match import reading, store
-from .transfer import KINDS, carry_all, companions
+from .transfer import KINDS, companions
 
 DEFAULT_OUTPUT = "{file}.blend"
 POLL_SECONDS = 0.1
@@ -111,6 +112,7 @@ def read_manifest(path, folder, anywhere):
             where = f"jobs, entry {number}"
             toml.check_keys(entry, JOB, where)
             jobs += _file_jobs(toml, home, folder, anywhere, table, entry, where)
+        jobs = _with_opened_file(jobs)
     except (ValueError, OSError, WrongRequestError) as reason:
         # Errors of the core about a manifest are ValueErrors.
         words = str(reason)
@@ -134,15 +136,16 @@ def _file_jobs(toml, home, folder, anywhere, table, entry, where):
         source_file = home / entry["source_file"]
         if not source_file.is_file():
             raise WrongRequestError(f"{where}: there is no file {source_file}")
-    kinds = kinds_of(entry.get("transfer", table.get("transfer")))
+    wanted = entry.get("transfer", table.get("transfer"))
+    kinds = kinds_of(None if wanted is None else _strings(wanted, f"{where}, transfer"))
     name = entry.get("output", DEFAULT_OUTPUT)
+    if {"{", "}"} & set(name.replace("{file}", "")):
+        raise WrongRequestError(f"{where}: output '{name}' may use {{file}} only")
+    if not Path(name).name:
+        raise WrongRequestError(f"{where}: output '{name}' is no name of a file")
     for file in _files(home, entry.get("files"), where):
         stem = file.stem if file else Path(bpy.data.filepath).stem
-        try:
-            place = name.format(file=stem or "untitled")
-        except (KeyError, IndexError, ValueError):
-            raise WrongRequestError(f"{where}: output '{name}' may use {{file}} only") from None
-        output = toml.within(folder, place, anywhere)
+        output = toml.within(folder, name.replace("{file}", stem or "untitled"), anywhere)
         yield FileJob(file, tuple(pairings), output, kinds, source_file, entry.get("keep_source", False))
 
 
@@ -150,21 +153,41 @@ def _pairing(entry, where):
     for key in ("source", "targets"):
         if not entry.get(key):
             raise WrongRequestError(f"{where}: lacks '{key}'")
-    targets = entry["targets"]
-    return Pairing(entry["source"], (targets,) if isinstance(targets, str) else tuple(targets))
+    return Pairing(entry["source"], _strings(entry["targets"], f"{where}, targets"))
+
+
+def _strings(value, where):
+    """A string, or a list of them, as a tuple."""
+    values = (value,) if isinstance(value, str) else tuple(value)
+    for wrong in (entry for entry in values if not isinstance(entry, str)):
+        raise WrongRequestError(f"{where}: names are strings, got {wrong!r}")
+    return values
 
 
 def _files(home, patterns, where):
     if patterns is None:
         return [None]
     files = []
-    for pattern in [patterns] if isinstance(patterns, str) else patterns:
+    for pattern in _strings(patterns, f"{where}, files"):
         found = [home / pattern] if (home / pattern).is_file() else []
         found = found or sorted(home / name for name in glob.glob(pattern, root_dir=home, recursive=True))
         if not found:
             raise WrongRequestError(f"{where}: no file is named '{pattern}'")
         files += found
     return list(dict.fromkeys(files))
+
+
+def _with_opened_file(jobs):
+    """Of several jobs those on the opened file read it anew: what is open then is what the last one left."""
+    if len(jobs) == 1 or all(job.file is not None for job in jobs):
+        return jobs
+    if not bpy.data.filepath:
+        raise WrongRequestError(
+            "A job without 'files' means the opened scene, which was never saved, and is not the only one: "
+            "save the scene and name its file"
+        )
+    opened = Path(bpy.data.filepath)
+    return [dataclasses.replace(job, file=job.file or opened) for job in jobs]
 
 
 def _check_outputs(jobs):
@@ -215,14 +238,10 @@ def work_on(context, job, request):
             context = bpy.context
         brought = {}
         for pairing in job.pairings:
-            with_objects = request.transfer and companions.KIND.identifier in job.kinds
-            source = _source(context, job, pairing.source, brought, with_objects)
-            came = [obj for objects in brought.values() for obj in objects]
-            for target in _targets(context, pairing, [source, *came]):
-                entry["pairs"].append(_pair(context, job, request, source, target))
+            entry["pairs"] += _pairs(context, job, request, pairing, brought)
         if any(pair["status"] == "done" for pair in entry["pairs"]):
             if brought and request.transfer and not job.keep_source:
-                _remove(came)
+                _remove(_came(brought))
             save(job.output)
             entry["status"] = "done"
         else:
@@ -231,6 +250,32 @@ def work_on(context, job, request):
         # Blender's operators raise RuntimeError with what they report.
         entry["reason"] = " ".join(str(reason).split())
     return entry
+
+
+def _pairs(context, job, request, pairing, brought):
+    """Do one pairing; returns its pairs' entries. An object that is not there makes a failed pair."""
+    with_objects = request.transfer and companions.KIND.identifier in job.kinds
+    entries, met = [], set()
+    for pattern in pairing.targets:
+        try:
+            source = _source(context, job, pairing.source, brought, with_objects)
+            targets = _targets(context, pattern, [source, *_came(brought)])
+        except (UnusableObjectError, RuntimeError, OSError) as reason:
+            missing = {"source": pairing.source, "target": pattern, "status": "failed", "notes": []}
+            missing["reason"] = " ".join(str(reason).split())
+            request.tell(f"{pairing.source} to {pattern}: {missing['reason']}")
+            entries.append(missing)
+            continue
+        for target in targets:
+            if target.name not in met:
+                met.add(target.name)
+                entries.append(_pair(context, job, request, source, target))
+    return entries
+
+
+def _came(brought):
+    """All objects that came from other files."""
+    return [obj for objects in brought.values() for obj in objects]
 
 
 def _source(context, job, name, brought, with_objects):
@@ -267,17 +312,14 @@ def _remove(brought):
             bpy.data.meshes.remove(mesh)
 
 
-def _targets(context, pairing, sources):
-    """Mesh objects that the patterns mean, in the order of the patterns; `sources` are left out."""
+def _targets(context, pattern, sources):
+    """Mesh objects that the pattern means; `sources` are left out."""
     candidates = [obj for obj in context.view_layer.objects if obj.type == "MESH" and obj not in sources]
-    found = {}
-    for pattern in pairing.targets:
-        named = [obj for obj in candidates if obj.name == pattern]
-        named = named or [obj for obj in candidates if fnmatchcase(obj.name, pattern)]
-        if not named:
-            raise UnusableObjectError(f"There is no mesh named '{pattern}' in the view layer of this file")
-        found |= {obj.name: obj for obj in named}
-    return list(found.values())
+    named = [obj for obj in candidates if obj.name == pattern]
+    named = named or [obj for obj in candidates if fnmatchcase(obj.name, pattern)]
+    if not named:
+        raise UnusableObjectError(f"There is no mesh named '{pattern}' in the view layer of this file")
+    return named
 
 
 def _pair(context, job, request, source, target):
@@ -296,10 +338,13 @@ def _pair(context, job, request, source, target):
                 "mean_confidence": stored.mean_confidence,
             }
         if request.transfer:
-            with mesh_write.object_mode(context, [source, target]):
-                entry["notes"] += carry_all(
-                    target, context.scene.spectral_match, lambda kind, _name: kind.identifier in job.kinds
-                )
+            entry["notes"] += carry(
+                context,
+                source,
+                target,
+                context.scene.spectral_match,
+                lambda kind, _name: kind.identifier in job.kinds,
+            )
             entry["transferred"] = sorted(job.kinds)
         entry["status"] = "done"
     except (UnusableObjectError, core.CoreMissingError, RuntimeError) as reason:

@@ -58,10 +58,15 @@ def _wishes(arguments):
     """Parsed arguments that fit together; else argparse's own exit with words and status 2."""
     parser = _parser()
     wishes = parser.parse_args(arguments)
-    described = [n for n in ("source", "source_file", "target", "transfer", "output") if getattr(wishes, n)]
+
+    def given(*names):
+        return ", ".join("--" + name.replace("_", "-") for name in names if getattr(wishes, name))
+
+    described = given("source", "source_file", "target", "transfer", "output", "keep_source")
     if wishes.manifest and described:
-        options = ", ".join("--" + name.replace("_", "-") for name in described)
-        parser.error(f"with --manifest leave out {options}: it says so itself")
+        parser.error(f"with --manifest leave out {described}: it says so itself")
+    if not wishes.manifest and (of_manifest := given("folder", "anywhere")):
+        parser.error(f"{of_manifest} needs --manifest; without it --output says where to save")
     if not wishes.manifest and not (wishes.source and wishes.target):
         parser.error("give --source and --target, or --manifest")
     return wishes
@@ -126,11 +131,11 @@ def _work(wishes, report):
         request.tell = lambda words, prefix=prefix: _tell(prefix + words)
         entry = batch.work_on(bpy.context, job, request)
         report["files"].append(entry)
-        failed += sum(pair["status"] != "done" for pair in entry["pairs"])
+        failed_pairs = sum(pair["status"] != "done" for pair in entry["pairs"])
+        failed += failed_pairs or entry["status"] != "done"
         if entry["status"] == "done":
             request.tell(f"saved {entry['output']}")
         else:
-            failed += not entry["pairs"]
             request.tell(f"{entry['file']} failed: {entry['reason']}")
     return _fail(f"{failed} of the pairs or files failed") if failed else DONE
 

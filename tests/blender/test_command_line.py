@@ -2,13 +2,17 @@
 """`--command spectral_match`, called as Blender calls it: outputs, report, exit status."""
 
 import json
+import re
 
 import bpy
 import numpy as np
 import pytest
+import sgmds
 from conftest import lumpy, new_object, renumbered, turned
+from test_transfer import store_identity, without_data
 
 from addon import batch, command_line
+from addon.operators import carry
 
 WEIGHTS = "Height"
 
@@ -103,6 +107,8 @@ def test_batch_matches_transfers_and_saves(pair, tmp_path, capsys):
         (["match", "--manifest", "m.toml", "--source", "Source"], 2, "--source"),
         (["batch", "--source", "S", "--target", "T", "--transfer", "hats"], 2, "hats"),
         (["batch", "--manifest", "m.toml", "--resume", "--overwrite"], 2, "--overwrite"),
+        (["match", "--source", "S", "--target", "T", "--output", "x.blend", "--folder", "x"], 2, "--folder"),
+        (["match", "--manifest", "m.toml", "--keep-source"], 2, "--keep-source"),
         (["fly"], 2, "invalid choice"),
     ],
 )
@@ -111,6 +117,101 @@ def test_failure_has_a_status_and_words(pair, capsys, tmp_path, monkeypatch, arg
     assert command_line.run(arguments) == status
     assert words in capsys.readouterr().err
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("place", ["folder", "file/out.blend"])
+def test_what_cannot_be_saved_is_a_failure(pair, tmp_path, place):
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "file").touch()
+    report = tmp_path / "report.json"
+    words = ["match", "--source", "Source", "--target", "Target", "--overwrite", "--json", str(report)]
+    assert command_line.run([*words, "--output", str(tmp_path / place)]) == 1
+    told = json.loads(report.read_text())
+    assert (told["status"], told["files"][0]["status"]) == (1, "failed") and told["files"][0]["reason"]
+    assert sorted(path.name for path in tmp_path.rglob("*")) == ["file", "folder", "report.json"]
+
+
+@pytest.fixture
+def known(scene):
+    """A source and two targets that are matched with it."""
+    source = new_object("Source", *lumpy(4))
+    targets = [without_data(source, name) for name in ("Target", "Second")]
+    for target in targets:
+        store_identity(source, target)
+    return source, *targets
+
+
+def test_a_missing_object_is_a_failed_pair(known, tmp_path):
+    source, _, _ = known
+    add_weights(source)
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "in.blend"))
+    given = manifest(
+        tmp_path,
+        """
+        output = "out"
+        transfer = ["groups"]
+        [[jobs]]
+        files = "in.blend"
+        [[jobs.pairs]]
+        source = "Nobody"
+        targets = "Target"
+        [[jobs.pairs]]
+        source = "Source"
+        targets = ["No*", "Target"]
+        """,
+    )
+    report = tmp_path / "report.json"
+    assert command_line.run(["transfer", *given, "--json", str(report)]) == 1
+    (entry,) = json.loads(report.read_text())["files"]
+    assert entry["status"] == "done"
+    assert [(pair["source"], pair["target"], pair["status"]) for pair in entry["pairs"]] == [
+        ("Nobody", "Target", "failed"),
+        ("Source", "No*", "failed"),
+        ("Source", "Target", "done"),
+    ]
+    assert "'Nobody'" in entry["pairs"][0]["reason"] and "'No*'" in entry["pairs"][1]["reason"]
+    bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / "in.blend"))
+    assert WEIGHTS in bpy.data.objects["Target"].vertex_groups
+
+
+def test_what_the_core_refuses_is_a_failed_pair(known, tmp_path, monkeypatch):
+    def refuses(*_):
+        raise sgmds.SgmdsError("nothing finite")
+
+    monkeypatch.setattr(carry, "carry_all", refuses)
+    report = tmp_path / "report.json"
+    words = ["transfer", "--source", "Source", "--target", "Target", "--output", str(tmp_path / "out.blend")]
+    assert command_line.run([*words, "--json", str(report)]) == 1
+    (failed,) = json.loads(report.read_text())["files"][0]["pairs"]
+    assert failed["status"] == "failed" and "'Target': nothing finite" in failed["reason"]
+
+
+def test_another_source_than_the_matched_one_is_refused(known, tmp_path, capsys):
+    new_object("Other", *lumpy(4))
+    words = ["transfer", "--source", "Other", "--target", "Target", "--output", str(tmp_path / "out.blend")]
+    assert command_line.run(words) == 1
+    assert "'Target' was matched with 'Source'" in capsys.readouterr().err and not list(tmp_path.iterdir())
+
+
+def test_every_job_begins_with_the_opened_file_as_it_was(known, tmp_path):
+    add_weights(known[0])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "other.blend"))
+    bpy.data.objects["Source"]["opened"] = True
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "opened.blend"))
+    jobs = "[[jobs]]\nsource = 'Source'\ntargets = '{}'\noutput = '{}'\n{}"
+    given = manifest(
+        tmp_path,
+        "output = 'out'\ntransfer = ['groups']\n"
+        + jobs.format("Target", "other.blend", "files = 'other.blend'\n")
+        + jobs.format("Target", "one.blend", "")
+        + jobs.format("Second", "two.blend", ""),
+    )
+    assert command_line.run(["transfer", *given]) == 0
+    for name, target, other in (("one", "Target", "Second"), ("two", "Second", "Target")):
+        bpy.ops.wm.open_mainfile(filepath=str(tmp_path / "out" / f"{name}.blend"))
+        objects = bpy.data.objects
+        assert "opened" in objects["Source"]
+        assert WEIGHTS in objects[target].vertex_groups and not objects[other].vertex_groups
 
 
 def test_help_is_status_0(registered, capsys):
@@ -218,11 +319,18 @@ def test_an_input_is_replaced_only_when_told(files, tmp_path, capsys):
         ("output = '/elsewhere'\n[[jobs]]\nsource = 'A'\ntargets = 'B'", "leads out"),
         ("options.same_axes = 'yes'\n[[jobs]]\nsource = 'A'\ntargets = 'B'", "cannot be 'yes'"),
         ("options.method = 'best'\n[[jobs]]\nsource = 'A'\ntargets = 'B'", "should be one of"),
-        ("[[jobs]]\nsource='A'\ntargets='B'\n[[jobs]]\nsource='A'\ntargets='C'", "Two files"),
+        ("[[jobs]]\nsource = 'A'\ntargets = [1]", "names are strings, got 1"),
+        ("[[jobs]]\nsource = 'A'\ntargets = 'B'\nfiles = [1]", "names are strings, got 1"),
+        ("transfer = [['uv']]\n[[jobs]]\nsource = 'A'\ntargets = 'B'", "names are strings"),
+        ("[[jobs]]\nsource = 'A'\ntargets = 'B'\noutput = '{file.x}'", "may use {file} only"),
+        ("[[jobs]]\nsource = 'A'\ntargets = 'B'\noutput = '{file[0]}.blend'", "may use {file} only"),
+        ("[[jobs]]\nsource = 'A'\ntargets = 'B'\noutput = ''", "no name of a file"),
+        ("[[jobs]]\nsource='A'\ntargets='B'\n[[jobs]]\nsource='A'\ntargets='C'", "never saved"),
+        ("[[jobs]]\nsource='A'\ntargets='B'\nfiles='cast.toml'\n" * 2, "Two files"),
     ],
 )
 def test_a_wrong_manifest_is_told_in_words(scene, tmp_path, text, words):
-    with pytest.raises(batch.WrongRequestError, match=words.replace("*", r"\*")) as caught:
+    with pytest.raises(batch.WrongRequestError, match=re.escape(words)) as caught:
         path = manifest(tmp_path, text)[1]
         batch.check_overwriting(batch.read_manifest(path, None, False)[0], False, False)
     if words != "Two files":
