@@ -178,18 +178,34 @@ def test_nothing_in_a_file_is_executed(tmp_path):
     assert not (tmp_path / "executed").exists()
 
 
-def test_a_map_for_another_mesh_reads_nothing_out_of_bounds(corr, tmp_path):
-    """Ids that a file claims are checked before the core sees them."""
-    for name, value in (("faces", 10**9), ("faces", -1), ("triangles", 10**9), ("triangles", -5)):
-        path = tmp_path / "wrong.npz"
-        corr.save(path)
-        with np.load(path) as file:
-            arrays = dict(file)
-        arrays[name] = arrays[name].copy()
-        arrays[name].flat[0] = value
-        np.savez(path, **arrays)
-        with pytest.raises(sgmds.SgmdsError, match="damaged"):
-            sgmds.Correspondence.load(path)
+DAMAGE = {
+    "vertices": [lambda a: a + 10**6, lambda a: a - 10**6, lambda a: a * 0.3],
+    "faces": [lambda a: a + 10**6, lambda a: a + 0.5, lambda a: a[:, None]],
+    "barycentric": [
+        lambda a: a * np.nan,
+        lambda a: 2 * a,
+        lambda a: a[:, ::-1] * (-1, 1, 1),
+        lambda a: a[:-1],
+    ],
+    "confidence": [lambda a: a * np.nan, lambda a: a + 7, lambda a: a - 7, lambda a: np.full(len(a), "sure")],
+    "grade": [lambda a: np.array("purple")],
+    "reasons": [lambda a: np.array("one")],
+    "functional_map": [lambda a: a[0], lambda a: a * np.nan, lambda a: np.array("none")],
+    "triangles": [lambda a: a[:, :2], lambda a: a[:, [0, 1, 2, 2]], lambda a: a + 10**6, lambda a: a - 1],
+    "source_count": [lambda a: np.array([a, a]), lambda a: np.array("many"), lambda a: np.array(3)],
+}
+
+
+@pytest.mark.parametrize(
+    ("name", "number"), [(name, k) for name, changes in DAMAGE.items() for k in range(len(changes))]
+)
+def test_a_map_that_breaks_a_promise_is_refused(stored, tmp_path, name, number):
+    with np.load(stored / "map.npz") as file:
+        arrays = dict(file)
+    arrays[name] = DAMAGE[name][number](arrays[name])
+    np.savez(tmp_path / "map.npz", **arrays)
+    with pytest.raises(sgmds.SgmdsError, match="map.npz: damaged"):
+        sgmds.Correspondence.load(tmp_path / "map.npz")
 
 
 # ---- memory

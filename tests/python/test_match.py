@@ -244,3 +244,99 @@ def test_a_copy_is_found_without_any_one_part_of_the_method(part):
 def test_what_cannot_be_left_out_is_refused(source):
     with pytest.raises(sgmds.ArgumentError, match="left out"):
         sgmds.match(source, source, without=["luck"])
+
+
+def test_a_map_keeps_to_the_mesh_it_was_made_from(slender, stout, tmp_path):
+    """Whatever becomes of the caller's arrays, and of those that are handed out."""
+    vertices, faces = slender.vertices.copy(), slender.faces.astype(np.int64)
+    shape = sgmds.Shape(vertices, faces)
+    target = stout.vertices, stout.faces
+    maps = [
+        sgmds.match(shape, target, method="paper"),
+        sgmds.match((vertices, faces), target, method="paper"),
+    ]
+    before = [corr.transfer(slender.vertices) for corr in maps]
+    vertices *= 2
+    faces += 10**6
+    for corr, carried in zip(maps, before, strict=True):
+        assert np.array_equal(corr.transfer(slender.vertices), carried)
+    shape.save(tmp_path / "shape.npz")
+    assert np.array_equal(sgmds.Shape.load(tmp_path / "shape.npz").vertices, slender.vertices)
+    for array in (shape.vertices, shape.faces):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0
+
+
+@pytest.mark.parametrize(("name", "broken"), [("faces", 10**7), ("faces", -1), ("barycentric", None)])
+def test_a_broken_map_is_refused_when_it_carries(corr, slender, name, broken):
+    arrays = {key: getattr(corr, key).copy() for key in sgmds.correspondence.ARRAYS}
+    if broken is None:
+        arrays[name] = arrays[name][:5]
+    else:
+        arrays[name][7] = broken
+    arrays.update(triangles=corr._triangles, source_count=len(slender.vertices))
+    with pytest.raises(sgmds.ArgumentError):
+        sgmds.Correspondence(arrays, corr.quality).transfer(slender.vertices)
+
+
+@pytest.mark.parametrize("method", ["paper", "gmds", "functional-map"])
+@pytest.mark.parametrize(
+    "option",
+    [
+        {"landmarks": [(0, 0)]},
+        {"part": "source"},
+        {"mirror": "allow"},
+        {"same_axes": True},
+        {"without": ["vote"]},
+    ],
+)
+def test_an_option_that_a_method_would_ignore_is_refused(source, method, option):
+    (name,) = option
+    with pytest.raises(sgmds.ArgumentError, match=f"`{name}` is for the method"):
+        sgmds.match(source, source, method=method, **option)
+
+
+@pytest.mark.parametrize("side", ["source", "target"])
+def test_errors_say_which_mesh_they_are_about(source, side):
+    other = "target" if side == "source" else "source"
+    triangle = np.eye(3), np.array([[0, 1, 2]])
+    with pytest.raises(sgmds.MeshError, match=f"^{side}: the largest connected part"):
+        sgmds.match(**{side: triangle, other: source})
+    with pytest.raises(sgmds.ArgumentError, match=f"^{side}: `vertices`"):
+        sgmds.match(**{side: (np.eye(2), triangle[1]), other: source})
+
+
+@pytest.mark.parametrize(
+    ("option", "words"),
+    [
+        ({"landmarks": [(3, 7), (4, 7)]}, "target vertex 7 two source vertices, 3 and 4"),
+        ({"landmarks": None}, "`landmarks`"),
+        ({"without": "vote"}, "`without`"),
+        ({"threads": 0}, "`threads`"),
+        ({"threads": "x"}, "`threads`"),
+    ],
+)
+def test_wrong_arguments_are_named(source, option, words):
+    with pytest.raises(sgmds.ArgumentError, match=words):
+        sgmds.match(source, source, **option)
+
+
+@pytest.mark.parametrize("method", ["auto", "paper", "gmds", "functional-map"])
+def test_every_method_tells_what_was_left_out(slender, method):
+    vertices = np.concatenate([slender.vertices, np.eye(3) + 9])
+    faces = np.concatenate([slender.faces, len(slender.vertices) + np.array([[0, 1, 2]])])
+    quality = sgmds.match((vertices, faces), (slender.vertices, slender.faces), method=method).quality
+    assert "one unconnected part of the source was left out (3 vertices)" in quality.reasons
+    judges = not any("does not judge" in reason for reason in quality.reasons)
+    assert judges == (method == "auto") and (judges or quality.grade == "amber")
+
+
+@pytest.mark.parametrize("no", [False, np.False_])
+def test_progress_cancels_by_any_false(slender, no):
+    with pytest.raises(sgmds.Cancelled):
+        sgmds.Shape(slender.vertices, slender.faces, progress=lambda stage, fraction: no)
+
+
+def test_ragged_rows_are_refused_with_the_remedy(slender):
+    with pytest.raises(sgmds.ArgumentError, match="cut polygons into triangles"):
+        sgmds.Shape(slender.vertices, [[0, 1, 2], [0, 1, 2, 3]])

@@ -270,7 +270,38 @@ def test_what_does_not_fit_is_refused_in_words(character):
         sgmds.SurfaceMap(mesh, mesh, np.zeros(3), weights)
     with pytest.raises(sgmds.ArgumentError, match="made for this source"):
         sgmds.SurfaceMap(mesh, mesh, np.full(count, 10**6), weights)
+    for trust in (np.nan, 7.0, -1.0):
+        with pytest.raises(sgmds.ArgumentError, match="`confidence` of target vertex 0"):
+            sgmds.SurfaceMap(mesh, mesh, np.zeros(count), weights, np.full(count, trust))
+    for bad in (np.nan * weights, 2 * weights, weights - 1 / 3):
+        with pytest.raises(sgmds.ArgumentError, match="`barycentric` of target vertex 0"):
+            sgmds.SurfaceMap(mesh, mesh, np.zeros(count), bad)
+    for numbers, words in ((np.full(count, 0.5), "whole numbers"), (["x"] * count, "numbers")):
+        with pytest.raises(sgmds.ArgumentError, match=f"`faces` should be .*{words}"):
+            sgmds.SurfaceMap(mesh, mesh, numbers, weights)
     way = sgmds.SurfaceMap(mesh, mesh, np.zeros(count), weights)
+    offsets = np.zeros((count, 3))
+    offsets[5, 1] = np.nan
+    with pytest.raises(sgmds.ArgumentError, match=r"`offsets` should be finite, but is nan at \(5, 1\)"):
+        way.displacements(offsets)
+    image = np.zeros((4, 4, 4))
+    for change, words in (
+        ({"image": image * np.nan}, "`image` should be finite"),
+        ({"target_uv": character.uv[:3]}, "`target_uv`"),
+        ({"width": -1}, "`width`"),
+        ({"height": 4.5}, "`height`"),
+        ({"margin": -1}, "`margin`"),
+    ):
+        wanted = {"target_uv": character.uv, "image": image, "width": 4, "height": 4} | change
+        with pytest.raises(sgmds.ArgumentError, match=words):
+            way.bake(character.uv, **wanted)
+    with pytest.raises(sgmds.ArgumentError, match="`uv`"):
+        sgmds.uv_islands(*mesh, character.uv[:3])
+    with pytest.raises(sgmds.ArgumentError, match="`uv`"):
+        sgmds.judge_layout(character.vertices[character.faces], character.uv[:3])
+    starts = np.arange(count + 1)
+    with pytest.raises(sgmds.ArgumentError, match="`groups` should be whole numbers, none below 0"):
+        way.skin_weights(starts, np.full(count, -1), np.ones(count), 1)
     with pytest.raises(sgmds.ArgumentError, match="offsets"):
         way.displacements(np.zeros((3, 3)))
     with pytest.raises(sgmds.ArgumentError, match="8192"):
@@ -279,6 +310,24 @@ def test_what_does_not_fit_is_refused_in_words(character):
         way.bake(character.uv, character.uv, np.zeros((4, 4, 4)), 4, 4, extension="wrap")
     with pytest.raises(sgmds.ArgumentError, match="target_triangles"):
         way.bake(character.uv, character.uv, np.zeros((4, 4, 4)), 4, 4, target_triangles=[True])
+
+
+def test_a_margin_beyond_the_image_fills_it(character):
+    """At once, and as the side of the image does."""
+    way, *_ = copy_map(character.vertices, character.faces)
+    image = np.random.default_rng(0).random((8, 8, 4))
+    full, huge = (way.bake(character.uv, character.uv, image, 16, 16, margin=m) for m in (16, 10**9))
+    assert np.array_equal(full, huge) and (full[..., 3] > 0).all()
+
+
+def test_shapes_stand_for_their_meshes_and_no_keys_give_none(character):
+    shape = sgmds.Shape(character.vertices, character.faces)
+    corr = sgmds.match(shape, shape, method="paper")
+    way = sgmds.SurfaceMap.of(corr, shape, shape)
+    mesh = character.vertices, character.faces
+    assert np.array_equal(way.images, sgmds.SurfaceMap.of(corr, mesh, mesh).images)
+    count = len(character.vertices)
+    assert way.displacements(np.zeros((0, count, 3))).shape == (0, count, 3)
 
 
 def grid(count, turn=0.0):

@@ -93,6 +93,13 @@ pub fn left_out(role: &str, report: &IntakeReport) -> Option<String> {
     }
 }
 
+/// Grade and reason of a map by a method that computes no figures.
+#[must_use]
+pub fn ungraded() -> (Grade, Vec<String>) {
+    let reason = "this method does not judge its map: look at it".into();
+    (Grade::Amber, vec![reason])
+}
+
 /// Grade and reasons of a map by its figures.
 #[must_use]
 pub fn graded(figures: &Figures, shares: Shares) -> (Grade, Vec<String>) {

@@ -12,11 +12,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core, archive
 from .errors import ArgumentError, SgmdsError
-from .shape import Floats, Ids, Progress
+from .shape import Floats, Ids, Progress, checked_array, checked_threads
 
 FORMAT = "sgmds-correspondence"
 VERSION = 1
 ARRAYS = ("faces", "barycentric", "vertices", "confidence")
+GRADES = ("green", "amber", "red")
+WEIGHT_ROUNDING = 1e-6
+"""By which weights may miss 0 or a sum of 1: they may have been kept in single precision."""
 
 
 @dataclass(frozen=True)
@@ -28,18 +31,31 @@ class Quality:
     reasons: list[str]
     """The reasons in words."""
     figures: dict[str, Any] = field(default_factory=dict)
-    """The figures behind them."""
+    """The figures behind them; a saved map comes back without.
+
+    Of every map: `unmatched`, target vertices that belong to no part matched, and `sgmds_energy`, 0 for
+    isometric shapes. Of the automatic method: `score`, how likely the map is right, in [0, 1]; `orientation`,
+    in [−1, 1], 1 where the surface never turns over; `local_distortion`, mean change of short distances over
+    √area; `contradiction`, how far the map misses landmarks and common axes; `margin`, by how many times the
+    best other map fits worse, at most 2; `apart`, mean distance of an alternative from the chosen map over
+    √area; `agreement`, correlation of curvatures at matched points; `mirrored_gain`, by how many times the
+    best mirrored map fits better. Of methods that minimise: `energy` at the end, `gradient_norm`, `steps` and
+    `converged`.
+    """
 
 
 class Correspondence:
-    """For every target vertex one point of the source surface."""
+    """For every target vertex one point of the source surface.
+
+    It is kept with `save` and `load`, not by pickling.
+    """
 
     faces: Ids
     """(n_target,) source triangle holding the image."""
     barycentric: Floats
     """(n_target, 3) weights in that triangle, non-negative, summing to 1."""
     vertices: Ids
-    """(n_target,) nearest source vertex of that point."""
+    """(n_target,) source vertex that this point belongs to most: the corner with the largest weight."""
     confidence: Floats
     """(n_target,) in [0, 1]."""
     quality: Quality
@@ -63,10 +79,9 @@ class Correspondence:
         if raw.knows_functional_map:
             arrays["functional_map"] = raw.functional_map()
         figures = raw.quality
-        grade = figures.pop("grade", "amber")
-        reasons = figures.pop("reasons", ["the published method does not judge its map"])
+        quality = Quality(figures.pop("grade"), figures.pop("reasons"), figures)
         arrays.update(triangles=triangles, source_count=source_count)
-        return cls(arrays, Quality(grade, reasons, figures), raw)
+        return cls(arrays, quality, raw)
 
     @property
     def functional_map(self) -> Floats:
@@ -81,7 +96,7 @@ class Correspondence:
 
     @property
     def alternative_count(self) -> int:
-        """How many other plausible maps were found; after loading none are left."""
+        """How many other plausible maps were found; a saved map comes back without."""
         return self._raw.alternative_count if self._raw is not None else 0
 
     def alternative(
@@ -93,6 +108,7 @@ class Correspondence:
         """
         if self._raw is None or not 0 <= index < self.alternative_count:
             raise ArgumentError(f"`index` should be below {self.alternative_count}, got {index}")
+        threads = checked_threads(threads)
         if index not in self._alternatives:
             raw = self._raw.alternative(index, progress, threads)
             self._alternatives[index] = self._from_core(raw, self._triangles, self._source_count)
@@ -113,7 +129,7 @@ class Correspondence:
         return carried.reshape(len(self.faces), *values.shape[1:])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes an .npz that numpy alone can read."""
+        """Writes an .npz that numpy alone can read: all but the alternatives and the quality's figures."""
         arrays = {name: getattr(self, name) for name in ARRAYS}
         if self._functional_map is not None or (self._raw is not None and self._raw.functional_map_is_quick):
             arrays["functional_map"] = self.functional_map
@@ -130,24 +146,62 @@ class Correspondence:
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
-        """Reads what `save` wrote; anything else is refused."""
+        """Reads what `save` wrote; anything else is refused.
+
+        Raises
+        ------
+        SgmdsError
+            When the file is not ours, of another version, or damaged.
+        """
         arrays = archive.read(
             path, FORMAT, VERSION, (*ARRAYS, "triangles", "source_count", "grade", "reasons")
         )
-        found = cls(arrays, Quality(str(arrays["grade"]), [str(r) for r in arrays["reasons"]]))
-        found._check(path)
-        return found
-
-    def _check(self, path: str | os.PathLike[str]) -> None:
-        n, m = len(self.faces), len(self._triangles)
-        shapes_fit = self.barycentric.shape == (n, 3) and self.vertices.shape == self.confidence.shape == (n,)
-        if not shapes_fit or (n and (self.faces.min() < 0 or self.faces.max() >= m)):
-            raise SgmdsError(f"{path}: damaged, its arrays do not fit together: make it again")
-        if m and (self._triangles.min() < 0 or self._triangles.max() >= self._source_count):
-            raise SgmdsError(f"{path}: damaged, a triangle names a missing vertex: make it again")
+        try:
+            return cls(_checked(arrays), Quality(str(arrays["grade"]), [str(r) for r in arrays["reasons"]]))
+        except ArgumentError as error:
+            raise SgmdsError(f"{path}: damaged, {error}: make it again") from error
 
     def __repr__(self) -> str:
         return (
             f"Correspondence({len(self.faces)} target vertices, {self.quality.grade}, "
             f"mean confidence {self.confidence.mean():.2f})"
         )
+
+
+def check_weights(barycentric: Floats, confidence: Floats) -> None:
+    """Raises `ArgumentError` unless weights are non-negative and sum to 1 and confidence is in [0, 1]."""
+    # Compared so that NaN fails.
+    whole = np.abs(barycentric.sum(axis=1) - 1) <= WEIGHT_ROUNDING
+    for name, rows, good in (
+        ("barycentric", barycentric, whole & (barycentric >= -WEIGHT_ROUNDING).all(axis=1)),
+        ("confidence", confidence, (confidence >= 0) & (confidence <= 1)),
+    ):
+        if not good.all():
+            wanted = "non-negative and sum to 1" if name == "barycentric" else "in [0, 1]"
+            bad = int(np.argmin(good))
+            raise ArgumentError(f"`{name}` of target vertex {bad} should be {wanted}, got {rows[bad]}")
+
+
+def _checked(arrays: Mapping[str, NDArray[Any]]) -> dict[str, Any]:
+    """The arrays of a file, or `ArgumentError` says what is wrong with them."""
+    if arrays["source_count"].ndim or arrays["source_count"].dtype.kind not in "iu":
+        raise ArgumentError("`source_count` should be a whole number")
+    count, n = int(arrays["source_count"]), arrays["faces"].size
+    forms: dict[str, tuple[Any, ...]] = {
+        "triangles": (np.int64, None, 3),
+        "faces": (np.int64, n),
+        "barycentric": (np.float64, n, 3),
+        "vertices": (np.int64, n),
+        "confidence": (np.float64, n),
+        "functional_map": (np.float64, None, None),
+    }
+    good = {name: checked_array(name, arrays[name], *form) for name, form in forms.items() if name in arrays}
+    for name, limit in (("triangles", count), ("faces", len(good["triangles"])), ("vertices", count)):
+        if not ((good[name] >= 0) & (good[name] < limit)).all():
+            raise ArgumentError(f"`{name}` should be 0 or more and below {limit}")
+    check_weights(good["barycentric"], good["confidence"])
+    if not np.isfinite(good.get("functional_map", 0.0)).all():
+        raise ArgumentError("`functional_map` should be finite")
+    if str(arrays["grade"]) not in GRADES or arrays["reasons"].ndim != 1:
+        raise ArgumentError(f"its grade should be one of {GRADES}, with a list of reasons")
+    return good | {"source_count": count}

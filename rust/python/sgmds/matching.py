@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import operator
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any, Literal
 
 from numpy.typing import ArrayLike
@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from . import _core, memory
 from .correspondence import Correspondence
 from .errors import ArgumentError
-from .shape import Ids, Progress, Shape, checked_mesh
+from .shape import Ids, Progress, Shape, checked_threads, mesh_of
 
 METHODS = ("auto", "paper", "gmds", "functional-map")
 PARTS = (
@@ -28,6 +28,8 @@ PARTS = (
     "retry",
 )
 """Parts of the automatic method that can be left out."""
+AUTOMATIC_ONLY = ("landmarks", "part", "mirror", "same_axes", "without")
+"""Options that the other methods have no use for."""
 
 
 def match(
@@ -51,10 +53,11 @@ def match(
     source, target : Shape or (vertices, faces)
         The source carries the data, the target receives it.
     landmarks : sequence of (source_vertex, target_vertex)
-        Known pairs.
+        Known pairs; a target vertex has one source vertex.
     method : {"auto", "paper", "gmds", "functional-map"}
         Our best; the published algorithm from an automatic initialisation; or, to compare with,
-        multidimensional scaling of sampled points and a functional map from descriptors.
+        multidimensional scaling of sampled points and a functional map from descriptors. Only the
+        first takes `landmarks`, `part`, `mirror`, `same_axes` and `without`, and judges its map.
     part : {None, "source", "target"}
         Which shape is a part of the other: then only its own points ask for an image while the map
         is sought. ``None`` finds out: parts are tried where the map between wholes is poor.
@@ -78,7 +81,15 @@ def match(
 
     Raises
     ------
-    MeshError, MatchError, NotEnoughMemory, Cancelled
+    ArgumentError
+        When an argument has the wrong shape, type or value, or the method does not take it.
+    MeshError
+        When a mesh has no usable surface; the words begin with "source: " or "target: ".
+    MatchError
+        When no plausible map was found, or a spectrum cannot be computed, as with needle triangles.
+    NotEnoughMemory
+        When the meshes are too large for the memory that is free.
+    Cancelled
     """
     for name, value, allowed in (
         ("method", method, METHODS),
@@ -88,9 +99,14 @@ def match(
         if value not in allowed:
             raise ArgumentError(f"`{name}` should be one of {allowed}, got {value!r}")
     operator.index(seed)
+    threads = checked_threads(threads)
     sides = [_side(name, s) for name, s in (("source", source), ("target", target))]
     counts = [len(vertices) for vertices, _, _ in sides]
-    pairs = _pairs(landmarks, counts)
+    pairs, without = _pairs(landmarks, counts), _listed("without", without)
+    check_method(
+        method,
+        {"landmarks": pairs, "part": part, "mirror": mirror, "same_axes": same_axes, "without": without},
+    )
     source_core, target_core = (side[2] for side in sides)
     # Both are prepared at the same time.
     if unprepared := [c for c in (source_core, target_core) if not isinstance(c, _core.PreparedShape)]:
@@ -104,28 +120,36 @@ def match(
         part,
         pairs,
         bool(same_axes),
-        list(without),
+        without,
         progress,
         threads,
     )
     return Correspondence._from_core(raw, sides[0][1], counts[0])
 
 
+def check_method(method: str, options: Mapping[str, Any]) -> None:
+    """Raises `ArgumentError` for an option that is given though the method would ignore it."""
+    for name in AUTOMATIC_ONLY:
+        if method != "auto" and options.get(name) and options[name] != "forbid":
+            raise ArgumentError(f'`{name}` is for the method "auto" alone: leave it out with "{method}"')
+
+
 def _side(name: str, shape: Any) -> tuple[Any, Ids, Any]:
     """(vertices, faces, what the core takes)"""
-    if isinstance(shape, Shape):
-        return shape.vertices, shape.faces, shape._core
-    try:
-        vertices, faces = shape
-    except (TypeError, ValueError):
-        raise ArgumentError(f"`{name}` should be a Shape or (vertices, faces)") from None
-    arrays = checked_mesh(vertices, faces)
-    return *arrays, arrays
+    arrays = mesh_of(name, shape)
+    return *arrays, shape._core if isinstance(shape, Shape) else arrays
+
+
+def _listed(name: str, values: Any) -> list[Any]:
+    if isinstance(values, str) or not isinstance(values, Iterable):
+        raise ArgumentError(f"`{name}` should be a sequence, got {values!r}")
+    return list(values)
 
 
 def _pairs(landmarks: Iterable[Any], counts: list[int]) -> list[tuple[int, int]]:
     pairs: list[Any] = []
-    for entry in landmarks:
+    images: dict[int, int] = {}
+    for entry in _listed("landmarks", landmarks):
         try:
             pair = tuple(operator.index(v) for v in entry)
         except TypeError:
@@ -133,6 +157,12 @@ def _pairs(landmarks: Iterable[Any], counts: list[int]) -> list[tuple[int, int]]
         if len(pair) != 2 or not all(0 <= v < n for v, n in zip(pair, counts, strict=True)):
             raise ArgumentError(
                 f"landmark {entry!r} should be (source_vertex, target_vertex) below {tuple(counts)}"
+            )
+        image, vertex = pair
+        if images.setdefault(vertex, image) != image:
+            raise ArgumentError(
+                f"landmarks give target vertex {vertex} two source vertices, {images[vertex]} and {image}: "
+                "leave one out"
             )
         pairs.append(pair)
     return pairs

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import operator
 import os
 from collections.abc import Callable
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _core, archive, memory
 from .errors import ArgumentError, SgmdsError
@@ -27,8 +28,14 @@ Progress = Callable[[str, float], bool | None]
 
 
 def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, Ids]:
-    """Contiguous (n, 3) float64 and (m, 3) int64 arrays, or an error that names the argument."""
-    vertices, faces = np.asarray(vertices), np.asarray(faces)
+    """Own (n, 3) float64 and (m, 3) int64 arrays that are never written to, or an error that names the
+    argument."""
+    try:
+        vertices, faces = np.asarray(vertices), np.asarray(faces)
+    except ValueError as error:
+        raise ArgumentError(
+            f"`vertices` should be (n, 3) and `faces` (m, 3); cut polygons into triangles ({error})"
+        ) from error
     if vertices.ndim != 2 or vertices.shape[1] != 3:
         raise ArgumentError(f"`vertices` should be (n, 3), got {vertices.shape}")
     if vertices.dtype.kind not in "fiu":
@@ -39,7 +46,58 @@ def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, Ids]:
         raise ArgumentError(f"`faces` should be (m, 3), got {faces.shape}; cut polygons into triangles")
     if faces.dtype.kind not in "iu":
         raise ArgumentError(f"`faces` should be integers, got {faces.dtype}")
-    return np.ascontiguousarray(vertices, np.float64), np.ascontiguousarray(faces, np.int64)
+    # What was computed from a mesh must not change with the caller's arrays.
+    mesh = np.array(vertices, np.float64, order="C"), np.array(faces, np.int64, order="C")
+    for array in mesh:
+        array.flags.writeable = False
+    return mesh
+
+
+def mesh_of(name: str, mesh: Any) -> tuple[Floats, Ids]:
+    """Vertices and faces of a `Shape` or a pair of arrays, as `checked_mesh`; errors begin with `name`."""
+    if isinstance(mesh, Shape):
+        return mesh.vertices, mesh.faces
+    try:
+        vertices, faces = mesh
+    except (TypeError, ValueError):
+        raise ArgumentError(f"`{name}` should be a Shape or (vertices, faces)") from None
+    try:
+        return checked_mesh(vertices, faces)
+    except ArgumentError as error:
+        raise ArgumentError(f"{name}: {error}") from error
+
+
+def checked_array(name: str, values: ArrayLike, dtype: DTypeLike, *shape: int | None) -> NDArray[Any]:
+    """A contiguous array of the shape, in which None stands for any length, or an error that names it."""
+    try:
+        given = np.asarray(values)
+        with np.errstate(invalid="ignore"):
+            array = np.ascontiguousarray(given, dtype)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise ArgumentError(f"`{name}` should be an array of numbers: {error}") from error
+    fits = array.ndim == len(shape) and all(w in (None, f) for w, f in zip(shape, array.shape, strict=False))
+    if not fits:
+        wanted = ", ".join("any" if length is None else str(length) for length in shape)
+        raise ArgumentError(f"`{name}` should be ({wanted}), got {array.shape}")
+    if array.dtype.kind in "iu" and not np.array_equal(array, given):
+        least = ", none below 0" if array.dtype.kind == "u" else ""
+        raise ArgumentError(f"`{name}` should be whole numbers{least}")
+    return array
+
+
+def checked_count(name: str, value: Any, least: int = 0) -> int:
+    """A whole number of at least `least`, or an error that names the argument."""
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise ArgumentError(f"`{name}` should be a whole number, got {value!r}") from None
+    if count < least:
+        raise ArgumentError(f"`{name}` should be {least} or more, got {count}")
+    return count
+
+
+def checked_threads(threads: Any) -> int | None:
+    return None if threads is None else checked_count("threads", threads, 1)
 
 
 class Shape:
@@ -57,7 +115,7 @@ class Shape:
     ----------
     vertices : (n, 3) array of float
     faces : (m, 3) array of int
-        Triangles, 0-based.
+        Triangles, 0-based. Both are copied: changing them later changes nothing here.
     metric : {"euclidean", "scale-invariant"}
         Lengths as in space, or times √|K|, K the Gaussian curvature, which no change of scale of
         the whole or of a part alters: for shapes with parts of other proportions (a large head).
@@ -69,8 +127,12 @@ class Shape:
 
     Raises
     ------
+    ArgumentError
+        When an argument has the wrong shape, type or value.
     MeshError
         When the mesh has no usable surface.
+    MatchError
+        When its spectrum cannot be computed, as with needle triangles.
     NotEnoughMemory
         When the mesh is too large for the memory that is free.
     Cancelled
@@ -88,6 +150,7 @@ class Shape:
         if metric not in METRICS:
             raise ArgumentError(f"`metric` should be one of {METRICS}, got {metric!r}")
         self.vertices, self.faces = checked_mesh(vertices, faces)
+        threads = checked_threads(threads)
         memory.require_to_prepare((self.vertices, self.faces))
         self._core = _core.prepare(self.vertices, self.faces, metric, progress, threads)
         self._kept: dict[str, NDArray[Any]] = {}
@@ -141,7 +204,14 @@ class Shape:
 
     @property
     def report(self) -> dict[str, int]:
-        """What was ignored or mended when the mesh was read: a dict of counts."""
+        """What was ignored or mended when the mesh was read, as counts.
+
+        `zero_area_faces`, `duplicate_faces` and `isolated_vertices`, which belong to no face, were left out;
+        so were `dropped_components`, connected parts but for the largest, with `dropped_component_vertices`
+        in all. `bridging_faces` have no area and were kept since they close the surface; `flipped_faces`
+        were turned round. `nonmanifold_edges`, of more than two faces, and `boundary_edges`, of one, are
+        told only.
+        """
         return self._core.report
 
     def save(self, path: str | os.PathLike[str]) -> None:

@@ -9,15 +9,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, DTypeLike, NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from . import _core
-from .correspondence import Correspondence
+from .correspondence import Correspondence, check_weights
 from .errors import ArgumentError
-from .shape import Floats, Ids, Progress
+from .shape import Floats, Ids, Progress, Shape, checked_array, checked_count, mesh_of
 
-Mesh = tuple[ArrayLike, ArrayLike]
-"""Vertices (n, 3) and triangles (m, 3)."""
+Mesh = Shape | tuple[ArrayLike, ArrayLike]
+"""A shape, or vertices (n, 3) and triangles (m, 3)."""
 
 
 @dataclass(frozen=True)
@@ -74,25 +74,24 @@ class SkinWeights:
         return table
 
 
-def _array(name: str, values: ArrayLike, dtype: DTypeLike, *shape: int | None) -> NDArray[Any]:
-    """A contiguous array of the shape, in which None stands for any length."""
-    array = np.ascontiguousarray(values, dtype)
-    fits = array.ndim == len(shape) and all(w in (None, f) for w, f in zip(shape, array.shape, strict=False))
-    if not fits:
-        wanted = ", ".join("any" if length is None else str(length) for length in shape)
-        raise ArgumentError(f"`{name}` should be ({wanted}), got {array.shape}")
-    return array
-
-
 class SurfaceMap:
     """A map between two meshes, along which data travels.
 
+    Faces of the target, of any number of corners, are given as `corner_vertices` (corners,), the vertices of
+    one face after the other, and `face_starts` (faces + 1,): the corners of face i are `face_starts[i]` to
+    `face_starts[i + 1]`. Triangles (m, 3) are ``triangles.ravel()`` with ``3 * np.arange(m + 1)``.
+
     Parameters
     ----------
-    source, target : (vertices (n, 3), triangles (m, 3)) each
+    source, target : Shape, or (vertices (n, 3), triangles (m, 3))
     faces, barycentric : for each target vertex its source triangle (n_target,) and the weights of that
         triangle's corners (n_target, 3), as in `Correspondence`
     confidence : (n_target,) in [0, 1], by default 1 everywhere
+
+    Raises
+    ------
+    ArgumentError
+        When an array has the wrong shape or values, as from all methods.
     """
 
     def __init__(
@@ -103,27 +102,20 @@ class SurfaceMap:
         barycentric: ArrayLike,
         confidence: ArrayLike | None = None,
     ) -> None:
-        arrays = []
-        for name, (vertices, triangles) in (("source", source), ("target", target)):
-            arrays.append(_array(f"{name} vertices", vertices, np.float64, None, 3))
-            arrays.append(_array(f"{name} triangles", triangles, np.int64, None, 3))
-        self._source_count, self._target_count = len(arrays[0]), len(arrays[2])
-        self._source_triangles = len(arrays[1])
+        source, target = mesh_of("source", source), mesh_of("target", target)
+        self._source_count, self._target_count = len(source[0]), len(target[0])
+        self._source_triangles, self._target_triangles = len(source[1]), len(target[1])
         if confidence is None:
             confidence = np.ones(self._target_count)
-        self._core = _core.SurfaceMap(
-            arrays[0],
-            arrays[1],
-            arrays[2],
-            arrays[3],
-            _array("faces", faces, np.int64, self._target_count),
-            _array("barycentric", barycentric, np.float64, self._target_count, 3),
-            _array("confidence", confidence, np.float64, self._target_count),
-        )
+        faces = checked_array("faces", faces, np.int64, self._target_count)
+        barycentric = checked_array("barycentric", barycentric, np.float64, self._target_count, 3)
+        confidence = checked_array("confidence", confidence, np.float64, self._target_count)
+        check_weights(barycentric, confidence)
+        self._core = _core.SurfaceMap(*source, *target, faces, barycentric, confidence)
 
     @classmethod
     def of(cls, correspondence: Correspondence, source: Mesh, target: Mesh) -> "SurfaceMap":
-        """The map of a `Correspondence` between the meshes it was made for."""
+        """The map of a `Correspondence` between the meshes, or shapes, that it was made for."""
         return cls(
             source, target, correspondence.faces, correspondence.barycentric, correspondence.confidence
         )
@@ -158,15 +150,17 @@ class SurfaceMap:
         return self._core.frames()
 
     def displacements(self, offsets: ArrayLike, turn_only: bool = False) -> Floats:
-        """Shape keys: displacements (n_source, 3) or (keys, n_source, 3) of the source's vertices.
+        """Shape keys: displacements (n_source, 3), or of several keys (keys, n_source, 3), of the source's
+        vertices from where they rest.
 
         They are turned and scaled as the map does around each vertex; `turn_only` keeps their length. A
         vertex whose image does not move stays exactly still.
         """
-        offsets = np.asarray(offsets, np.float64)
-        if offsets.ndim == 3:
-            return np.stack([self.displacements(key, turn_only) for key in offsets])
-        return self._core.displacements(_array("offsets", offsets, np.float64, None, 3), turn_only)
+        if np.ndim(offsets) == 3:
+            keys = [self.displacements(key, turn_only) for key in np.asarray(offsets)]
+            return np.array(keys).reshape(len(keys), self._target_count, 3)
+        offsets = _finite("offsets", checked_array("offsets", offsets, np.float64, self._source_count, 3))
+        return self._core.displacements(offsets, turn_only)
 
     def layout(self, face_starts: ArrayLike, corner_vertices: ArrayLike, uv: ArrayLike) -> Layout:
         """A UV map, given at the corners of the source's triangles (m, 3, 2), at the target's face corners.
@@ -174,7 +168,7 @@ class SurfaceMap:
         `face_starts` (faces + 1,) and `corner_vertices` (corners,) are the target's faces. All corners of a
         face come from one island; beyond a seam they continue its chart.
         """
-        uv = _array("uv", uv, np.float64, self._source_triangles, 3, 2)
+        uv = checked_array("uv", uv, np.float64, self._source_triangles, 3, 2)
         return Layout(*self._core.layout(*_faces(face_starts, corner_vertices), uv))
 
     def seam_cuts(
@@ -185,7 +179,7 @@ class SurfaceMap:
         Several UV maps side by side give the seams of all. After these cuts no face straddles, except where a
         seam ends within it.
         """
-        uv = _array("uv", uv, np.float64, self._source_triangles, 3, None)
+        uv = checked_array("uv", uv, np.float64, self._source_triangles, 3, None)
         return SeamCuts(**self._core.seam_cuts(*_faces(face_starts, corner_vertices), uv, tolerance))
 
     def corner_values(
@@ -201,7 +195,7 @@ class SurfaceMap:
         Corner values at one vertex that differ by more than `tolerance` are a border. With `nearest` a value
         comes from one source corner, unmixed.
         """
-        values = _array("values", values, np.float64, self._source_triangles, 3, None)
+        values = checked_array("values", values, np.float64, self._source_triangles, 3, None)
         return self._core.corner_values(*_faces(face_starts, corner_vertices), values, tolerance, nearest)
 
     def skin_weights(
@@ -228,24 +222,25 @@ class SurfaceMap:
         (group_count,), and their sum and number at each target vertex, (n_target,) each. The carried weights
         share what these leave of sum and limit.
         """
+        group_count = checked_count("group_count", group_count)
         deforming = np.ones(group_count, bool) if deforming is None else deforming
         if locked is not None:
             groups_locked, sums, counts = locked
             locked = (
-                _array("locked groups", groups_locked, np.bool_, group_count),
-                _array("locked sums", sums, np.float64, self._target_count),
-                _array("locked counts", counts, np.uint32, self._target_count),
+                checked_array("locked groups", groups_locked, np.bool_, group_count),
+                checked_array("locked sums", sums, np.float64, self._target_count),
+                checked_array("locked counts", counts, np.uint32, self._target_count),
             )
         found = self._core.skin_weights(
-            _array("starts", starts, np.uint32, self._source_count + 1),
-            _array("groups", groups, np.uint32, None),
-            _array("weights", weights, np.float64, None),
+            checked_array("starts", starts, np.uint32, self._source_count + 1),
+            checked_array("groups", groups, np.uint32, None),
+            checked_array("weights", weights, np.float64, None),
             group_count,
-            _array("deforming", deforming, np.bool_, group_count),
+            checked_array("deforming", deforming, np.bool_, group_count),
             reject_below,
-            smoothing,
+            checked_count("smoothing", smoothing),
             prune,
-            limit,
+            None if limit is None else checked_count("limit", limit),
             normalize,
             locked,
         )
@@ -253,12 +248,12 @@ class SurfaceMap:
 
     def face_labels(self, face_starts: ArrayLike, corner_vertices: ArrayLike, labels: ArrayLike) -> Ids:
         """The commonest label of the source's triangles (m,) under each target face: material slots."""
-        labels = _array("labels", labels, np.int64, self._source_triangles)
+        labels = checked_array("labels", labels, np.int64, self._source_triangles)
         return self._core.face_labels(*_faces(face_starts, corner_vertices), labels)
 
     def face_means(self, face_starts: ArrayLike, corner_vertices: ArrayLike, values: ArrayLike) -> Floats:
         """The mean of values of the source's triangles (m, channels) under each target face."""
-        values = _array("values", values, np.float64, self._source_triangles, None)
+        values = checked_array("values", values, np.float64, self._source_triangles, None)
         return self._core.face_means(*_faces(face_starts, corner_vertices), values)
 
     def marks(self, source_edges: ArrayLike, values: ArrayLike, target_edges: ArrayLike) -> Floats:
@@ -267,9 +262,9 @@ class SurfaceMap:
         An edge of the target is marked where it follows a marked curve of the source.
         """
         return self._core.marks(
-            _array("source_edges", source_edges, np.int64, None, 2),
-            _array("values", values, np.float64, None),
-            _array("target_edges", target_edges, np.int64, None, 2),
+            checked_array("source_edges", source_edges, np.int64, None, 2),
+            checked_array("values", values, np.float64, None),
+            checked_array("target_edges", target_edges, np.int64, None, 2),
         )
 
     def nearest_edges(self, source_edges: ArrayLike, target_edges: ArrayLike) -> Ids:
@@ -278,8 +273,8 @@ class SurfaceMap:
         It is the nearest to the middle of the edge's image, of those that run like it.
         """
         return self._core.nearest_edges(
-            _array("source_edges", source_edges, np.int64, None, 2),
-            _array("target_edges", target_edges, np.int64, None, 2),
+            checked_array("source_edges", source_edges, np.int64, None, 2),
+            checked_array("target_edges", target_edges, np.int64, None, 2),
         )
 
     def joints(
@@ -291,12 +286,12 @@ class SurfaceMap:
         their surroundings place the joint. Returns positions (joints, 3), rotations (joints, 3, 3), mirroring
         ones where the map mirrors, and scales (joints,) of the body there.
         """
-        positions = _array("positions", positions, np.float64, None, 3)
+        positions = checked_array("positions", positions, np.float64, None, 3)
         rows = [((), ())] * len(positions) if influence is None else influence
         if len(rows) != len(positions):
             raise ArgumentError(f"`influence` should have {len(positions)} rows, got {len(rows)}")
-        vertices = [np.asarray(row[0], np.uint32) for row in rows]
-        weights = [np.asarray(row[1], np.float64) for row in rows]
+        vertices = [checked_array("influence", row[0], np.uint32, None) for row in rows]
+        weights = [checked_array("influence", row[1], np.float64, None) for row in rows]
         starts = np.append(0, np.cumsum([len(row) for row in vertices])).astype(np.uint32)
         return self._core.joints(
             positions,
@@ -311,9 +306,9 @@ class SurfaceMap:
         Points with the same number in `pieces` (n,) move together, as one rigid piece of the local size, as
         eyes do; negative numbers, and all without `pieces`, leave each point to itself.
         """
-        points = _array("points", points, np.float64, None, 3)
+        points = checked_array("points", points, np.float64, None, 3)
         pieces = np.full(len(points), -1) if pieces is None else pieces
-        return self._core.followed(points, _array("pieces", pieces, np.int64, len(points)))
+        return self._core.followed(points, checked_array("pieces", pieces, np.int64, len(points)))
 
     def bake(
         self,
@@ -338,8 +333,8 @@ class SurfaceMap:
         the bottom. Tiles are given as a mapping of (column, row), the unit of UV over which each lies, to
         images of any size; a place outside of all shows the nearest. `extension` says what shows beyond an
         image's borders: "repeat", "mirror", "extend" or "clip". `closest` takes the nearest texel instead of
-        filtering. Numbers come through in the colour space in which they are; with `straight_alpha` colours
-        count by their alpha in a mixture. `margin` texels extend the islands.
+        filtering. Numbers, which have to be finite, come through in the colour space in which they are; with
+        `straight_alpha` colours count by their alpha in a mixture. `margin` texels extend the islands.
 
         `source_triangles` (m_source,) and `target_triangles` (m_target,) are true where a triangle has the
         texture, by default everywhere: it is looked up on those of the source alone, and baked over those of
@@ -347,28 +342,33 @@ class SurfaceMap:
         tangents (m_source, 3, 4) of the source's triangle corners, then those of the target's; the tangent's
         fourth number is the sign of the bitangent. `progress` is as in `match`.
         """
+        width, height = checked_count("width", width, 1), checked_count("height", height, 1)
         frames = None
         if tangent_frames is not None:
             names = ("source normals", "source tangents", "target normals", "target tangents")
             frames = [
-                _array(name, values, np.float64, None, 3, 3 if "normals" in name else 4)
+                checked_array(name, values, np.float64, None, 3, 3 if "normals" in name else 4)
                 for name, values in zip(names, tangent_frames, strict=True)
             ]
         tiles = image if isinstance(image, Mapping) else {(0, 0): image}
         used = [
-            None if mask is None else _array(name, mask, np.bool_, None)
-            for name, mask in (
-                ("source_triangles", source_triangles),
-                ("target_triangles", target_triangles),
+            None if mask is None else checked_array(name, mask, np.bool_, count)
+            for name, mask, count in (
+                ("source_triangles", source_triangles, self._source_triangles),
+                ("target_triangles", target_triangles, self._target_triangles),
             )
         ]
         pixels, _ = self._core.bake(
-            _array("source_uv", source_uv, np.float64, self._source_triangles, 3, 2),
-            _array("target_uv", target_uv, np.float64, None, 3, 2),
-            [(cell, _array("image", pixels, np.float32, None, None, 4)) for cell, pixels in tiles.items()],
+            checked_array("source_uv", source_uv, np.float64, self._source_triangles, 3, 2),
+            checked_array("target_uv", target_uv, np.float64, self._target_triangles, 3, 2),
+            [
+                (cell, _finite("image", checked_array("image", pixels, np.float32, None, None, 4)))
+                for cell, pixels in tiles.items()
+            ],
             width,
             height,
-            margin,
+            # A larger one would fill nothing more.
+            min(checked_count("margin", margin), max(width, height)),
             straight_alpha,
             extension,
             closest,
@@ -380,12 +380,22 @@ class SurfaceMap:
 
     def filled(self, values: ArrayLike, unknown: ArrayLike) -> Floats:
         """Values of the target's vertices (n_target, channels) with `unknown` ones filled from the others."""
-        values = _array("values", values, np.float64, self._target_count, None)
-        return self._core.filled(values, _array("unknown", unknown, np.bool_, self._target_count))
+        values = checked_array("values", values, np.float64, self._target_count, None)
+        return self._core.filled(values, checked_array("unknown", unknown, np.bool_, self._target_count))
 
 
 def _faces(starts: ArrayLike, vertices: ArrayLike) -> tuple[Ids, Ids]:
-    return _array("face_starts", starts, np.int64, None), _array("corner_vertices", vertices, np.int64, None)
+    return (
+        checked_array("face_starts", starts, np.int64, None),
+        checked_array("corner_vertices", vertices, np.int64, None),
+    )
+
+
+def _finite(name: str, array: NDArray[Any]) -> NDArray[Any]:
+    if not np.isfinite(array).all():
+        place = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
+        raise ArgumentError(f"`{name}` should be finite, but is {array[place]} at {place}")
+    return array
 
 
 def judge_layout(corners: ArrayLike, uv: ArrayLike) -> dict[str, float]:
@@ -394,15 +404,15 @@ def judge_layout(corners: ArrayLike, uv: ArrayLike) -> dict[str, float]:
     "stretch": mean over the surface of the larger of σ₁ and 1/σ₂ at equal areas, 1 at best; "flipped": share
     of the UV area wound against the rest; "overlap": share of the covered texels that are covered twice.
     """
-    return _core.judge_layout(
-        _array("corners", corners, np.float64, None, 3, 3), _array("uv", uv, np.float64, None, 3, 2)
-    )
+    corners = checked_array("corners", corners, np.float64, None, 3, 3)
+    return _core.judge_layout(corners, checked_array("uv", uv, np.float64, len(corners), 3, 2))
 
 
 def uv_islands(vertices: ArrayLike, triangles: ArrayLike, uv: ArrayLike) -> Ids:
     """Number of the UV island of each triangle, from the UVs of its corners (m, 3, 2)."""
+    triangles = checked_array("triangles", triangles, np.int64, None, 3)
     return _core.uv_islands(
-        _array("vertices", vertices, np.float64, None, 3),
-        _array("triangles", triangles, np.int64, None, 3),
-        _array("uv", uv, np.float64, None, 3, 2),
+        checked_array("vertices", vertices, np.float64, None, 3),
+        triangles,
+        checked_array("uv", uv, np.float64, len(triangles), 3, 2),
     )

@@ -5,7 +5,16 @@ use sgmds_core::Error;
 
 /// The exception for a core error.
 pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
-    let class = match error {
+    raise(py, class(error), error.to_string())
+}
+
+/// The exception for a core error about one of two shapes, which names it first.
+pub fn about(py: Python<'_>, role: &str, error: &Error) -> PyErr {
+    raise(py, class(error), format!("{role}: {error}"))
+}
+
+fn class(error: &Error) -> &'static str {
+    match error {
         Error::Cancelled => "Cancelled",
         Error::EmptyMesh { .. }
         | Error::NotFinite { .. }
@@ -15,8 +24,7 @@ pub fn to_python(py: Python<'_>, error: &Error) -> PyErr {
         Error::NotFactorised { .. } | Error::NotConverged { .. } | Error::NoMap { .. } => {
             "MatchError"
         }
-    };
-    raise(py, class, error.to_string())
+    }
 }
 
 /// The exception for a panic, which names the stage.

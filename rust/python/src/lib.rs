@@ -304,13 +304,16 @@ impl RawMatch {
     fn quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
         dict.set_item("unmatched", self.found.unmatched)?;
+        let (grade, mut reasons) = match &self.found.figures {
+            Some(figures) => quality::graded(figures, self.found.shares),
+            None => quality::ungraded(),
+        };
+        for (role, shape) in [("source", &self.source), ("target", &self.target)] {
+            reasons.extend(quality::left_out(role, &shape.mesh.report));
+        }
+        dict.set_item("grade", grade.name())?;
+        dict.set_item("reasons", reasons)?;
         if let Some(figures) = &self.found.figures {
-            let (grade, mut reasons) = quality::graded(figures, self.found.shares);
-            for (role, shape) in [("source", &self.source), ("target", &self.target)] {
-                reasons.extend(quality::left_out(role, &shape.mesh.report));
-            }
-            dict.set_item("grade", grade.name())?;
-            dict.set_item("reasons", reasons)?;
             dict.set_item("score", quality::score(figures))?;
             let Figures {
                 orientation,
@@ -422,22 +425,26 @@ fn match_pair(
         (Input::Ready(_), Input::Ready(_)) => 0.0,
         _ => 0.5,
     };
-    watched(py, progress, threads, move |state| {
+    let outcome = watched(py, progress, threads, move |state| {
         let report = |stage, f: f64| state.enter(stage, prepared_share * f);
-        let (source, target) = rayon::join(
+        let (source, target) = match rayon::join(
             || source.prepared(state, &report),
             || target.prepared(state, &report),
-        );
-        let (source, target) = (source?, target?);
+        ) {
+            (Ok(source), Ok(target)) => (source, target),
+            (Err(error), _) => return Ok(Err(("source", error))),
+            (_, Err(error)) => return Ok(Err(("target", error))),
+        };
         let found = matching::match_shapes(&source, &target, &options, state, &|stage, f| {
             state.enter(stage, prepared_share + (1.0 - prepared_share) * f)
         })?;
-        Ok(RawMatch {
+        Ok(Ok(RawMatch {
             source,
             target,
             found,
-        })
-    })
+        }))
+    })?;
+    outcome.map_err(|(role, error)| errors::about(py, role, &error))
 }
 
 /// Panics on a worker thread in the stage "selection", to test what becomes of that.
@@ -495,15 +502,10 @@ fn transfer_values<'py>(
     let [rows, channels] = *values.as_array().shape() else {
         unreachable!("the array has two dimensions")
     };
-    let out = sgmds_core::transfer::transfer(
-        &faces,
-        &weights,
-        &triangles,
-        rows,
-        values.as_slice()?,
-        channels,
-    )
-    .map_err(|e| errors::to_python(py, &e))?;
+    let values = values.as_slice()?;
+    let out = watched(py, None, None, |_| {
+        sgmds_core::transfer::transfer(&faces, &weights, &triangles, rows, values, channels)
+    })?;
     out.into_pyarray(py).reshape([faces.len(), channels])
 }
 

@@ -79,7 +79,9 @@ fn glance(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>, state: &Progress)
     };
     let (stage, fraction) = state.now();
     let answer = callback.call1((stage, fraction))?;
-    if answer.is_instance_of::<pyo3::types::PyBool>() && !answer.is_truthy()? {
+    // Python's truth values, or numpy's, whose name has changed.
+    let is_bool = matches!(answer.get_type().name()?.to_str()?, "bool" | "bool_");
+    if is_bool && !answer.is_truthy()? {
         return Err(errors::to_python(py, &Error::Cancelled));
     }
     Ok(())
