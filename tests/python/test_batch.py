@@ -164,6 +164,20 @@ def test_listed_pairs_patterns_and_options(meshes, cache, tmp_path, capsys):
     assert "3 of 3 pairs" in capsys.readouterr().out
 
 
+def test_a_listed_pair_takes_its_place_in_all_against_all(meshes, tmp_path):
+    path = tmp_path / "all.toml"
+    entry = f'[[pairs]]\nsource = "{meshes}/bee.off"\ntarget = "{meshes}/dog.off"\n'
+    own = 2 * (entry + 'map = "own.npz"\nlandmarks = [[1, 2]]\n')
+    path.write_text(f'all_against_all = "{meshes}/*.off"\n{own}')
+    batch = manifest.read(path)
+    assert len(batch) == 12 and sorted(batch.order()) == list(range(12))
+    pairs = list(map(batch.pair, range(12)))
+    assert [batch.number(p.source, p.target) for p in pairs] == list(range(12))
+    (listed,) = (p for p in pairs if p.landmarks)
+    assert [batch.shapes[i].name for i in (listed.source, listed.target)] == ["bee", "dog"]
+    assert (listed.map, listed.landmarks) == (batch.folder / "own.npz", ((1, 2),))
+
+
 def test_a_failed_pair_stops_nothing_and_is_reported(meshes, cache, tmp_path, capsys):
     (tmp_path / "bad.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n")
     path = tmp_path / "some.toml"
@@ -354,7 +368,7 @@ def test_a_missing_package_is_named_with_its_extra(meshes, cache, tmp_path, caps
     path = everyone(meshes, tmp_path)
     monkeypatch.setitem(sys.modules, "distributed", None)
     assert main(["batch", str(path), "--scheduler", "tcp://127.0.0.1:1", "--cache", str(cache)]) == 1
-    assert 'distributed is missing: pip install "sgmds[batch]"' in capsys.readouterr().err
+    assert 'distributed is missing: pip install ".[batch]"' in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("module", ["trimesh", "matplotlib"])
@@ -364,7 +378,8 @@ def test_a_package_that_every_pair_needs_is_missed_once_and_at_the_start(
     path = everyone(meshes, tmp_path)
     monkeypatch.setitem(sys.modules, module, None)
     assert main(["batch", str(path), "--cache", str(cache)]) == 1
-    assert capsys.readouterr().err == f'sgmds: {module} is missing: pip install "sgmds[tools]"\n'
+    words = 'pip install ".[tools]" in a clone of the repository'
+    assert capsys.readouterr().err == f"sgmds: {module} is missing: {words}\n"
     assert not path.with_suffix("").exists()
 
 
@@ -379,6 +394,8 @@ def test_no_scheduler_is_one_line(meshes, cache, tmp_path, capsys, monkeypatch):
 
 
 # Manifests.
+
+PAIR = "[[pairs]]\nsource = 'ant.off'\ntarget = 'bee.off'\n"
 
 
 def read(tmp_path, text, **more):
@@ -408,6 +425,10 @@ def read(tmp_path, text, **more):
         ("[[pairs]]\nsource = 'ant.off'\ntarget = 'bee.off'\nlandmarks = [[1, 'x']]", "landmarks are"),
         ("[[pairs]]\nsource = 'ant.off'\ntarget = 'bee.off'\nmap = '../../x.npz'", "leads out"),
         ("[[pairs]]\nsource = 'ant.off'\ntarget = 'ant.off'", "itself"),
+        ("all_against_all = '*.off'\nmaps = '{source.name}-{target}.npz'", "only"),
+        (2 * (PAIR + "landmarks = [[1, 2]]\n") + PAIR, "ant to bee is listed twice"),
+        ("options = { method = 'paper', same_axes = true }\n" + PAIR, "`same_axes` is for the method"),
+        ("options.method = 'paper'\n" + PAIR + "landmarks = [[1, 2]]", "`landmarks` is for the method"),
     ],
 )
 def test_a_wrong_manifest_is_told_in_words(tmp_path, text, words):

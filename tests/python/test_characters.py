@@ -4,6 +4,7 @@ import sys
 
 import numpy as np
 import pytest
+import sgmds
 from sgmds import characters
 
 
@@ -31,7 +32,7 @@ def test_is_one_closed_body_without_handles(kind, build, pose):
 )
 def test_a_missing_package_is_named_with_its_extra(slender, monkeypatch, module, work):
     monkeypatch.setitem(sys.modules, module, None)
-    with pytest.raises(ImportError, match=rf'{module} is missing: pip install "sgmds\[tools\]"'):
+    with pytest.raises(ImportError, match=rf'{module} is missing: pip install "\.\[tools\]"'):
         work(slender)
 
 
@@ -131,3 +132,12 @@ def test_unknown_names_are_told():
         characters.make("snake")
     with pytest.raises(ValueError, match="wing"):
         characters.make(build={"wing": (1, 1)})
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"kind": "fish"}, {"build": "round"}, {"pose": "sits"}, {"resolution": 10}]
+)
+def test_what_cannot_be_made_is_named(wrong):
+    (name,) = wrong
+    with pytest.raises(sgmds.ArgumentError, match=f"`{name}`"):
+        characters.make(**wrong)

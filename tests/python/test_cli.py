@@ -38,6 +38,8 @@ def test_failures_are_one_line_and_status_1(files, tmp_path, capsys):
         ["match", good, good, "-o", str(tmp_path / "map.txt")],
         ["match", good, good, "-o", str(tmp_path / "none" / "map.npz")],
         ["match", str(tmp_path), good, "-o", output],
+        ["match", good, good, "-o", output, "--method", "paper", "--same-axes"],
+        ["bench", "--sizes", "10"],
         ["match", good, good, "-o", output, "--landmark", "0:99999999"],
         ["evaluate", str(tmp_path / "none")],
     ):
@@ -51,6 +53,10 @@ def test_a_map_without_a_folder_is_refused_before_any_work(files, tmp_path, monk
     good, place = str(files / "slender.obj"), tmp_path / "none" / "map.npz"
     assert main(["match", good, good, "-o", str(place)]) == 1
     assert f"there is no folder {place.parent}" in capsys.readouterr().err
+    folder = tmp_path / "folder.npz"
+    folder.mkdir()
+    assert main(["match", good, good, "-o", str(folder)]) == 1
+    assert f"{folder}: is a folder" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -103,12 +109,30 @@ def test_version(capsys):
 
 
 @pytest.mark.parametrize(
-    "arguments", [[], ["match"], ["match", "a", "b"], ["unknown"], ["evaluate", ".", "--limit", "0"]]
+    "arguments",
+    [
+        [],
+        ["match"],
+        ["match", "a", "b"],
+        ["unknown"],
+        ["evaluate", ".", "--limit", "0"],
+        ["evaluate", ".", "--limit", "few"],
+        ["evaluate", ".", "--lines", "-5"],
+        ["evaluate", ".", "--bound", "nan"],
+        ["evaluate", ".", "--plot", "curves.xyz"],
+        ["reproduce", "runtime", ".", "--cache", "c"],
+        ["reproduce", "runtime", ".", "--every", "2"],
+        ["reproduce", "noise", ".", "--plot", "curves.svg"],
+        ["reproduce", "ablation", ".", "--method", "paper"],
+        ["bench", "--sizes", "10,x"],
+    ],
 )
 def test_wrong_usage_is_status_2(arguments, capsys):
     with pytest.raises(SystemExit) as caught:
         main(arguments)
     assert caught.value.code == 2
+    # The words are for users, who know none of our functions.
+    assert "invalid _" not in capsys.readouterr().err
 
 
 def test_interrupt_is_status_130(files, tmp_path, monkeypatch, capsys):

@@ -1,11 +1,14 @@
 """The protocol on a folder made here, against a second computation of it by other means."""
 
+import shutil
+
 import numpy as np
 import pytest
 import sgmds
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from sgmds import characters
+from sgmds.cli import main
 from sgmds.evaluation import evaluate, find_sets, sparsification
 
 
@@ -67,8 +70,8 @@ def test_error_agrees_with_shortest_paths(folder, slender, stout):
 
 def test_lines_are_spread_evenly_and_missing_ones_left_out(folder):
     shapes = find_sets(folder.parent, ["BODIES"])[0]
-    whole = shapes.truth("stout1", "slender1", 0, lines=None)
-    some = shapes.truth("stout1", "slender1", 0, lines=50)
+    whole = shapes.truth("stout1", "slender1", 10**6, lines=None)
+    some = shapes.truth("stout1", "slender1", 10**6, lines=50)
     assert (whole.a >= 0).all() and (whole.b >= 0).all()
     assert np.array_equal(some.a, whole.a[np.linspace(0, len(whole.a) - 1, 50).astype(int)])
 
@@ -105,3 +108,33 @@ def test_perfect_confidence_leaves_no_gap():
     errors = np.random.default_rng(0).random(100)
     figures = sparsification(errors, -errors)
     assert figures["sparsification_gap"] == 0 and figures["confident_half"] == figures["ideal_half"]
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("pairs.txt", b"stout1 \xff\n", "is not UTF-8 text"),
+        ("corr/stout1.txt", b"first\nsecond\n", "stout1.txt: should have 1 vertex"),
+        ("corr/stout1.txt", b"99999999\n", "names vertex 99999999"),
+        ("corr/slender1.txt", b"99999999\n", "names vertex 99999999"),
+        ("corr_pairs/stout1__slender1.txt", b"1\n2\n", "should have 2 vertex"),
+        ("maps/TRUE/stout1__slender1.txt", b"one\n", "should have 1 vertex"),
+    ],
+)
+def test_damaged_sets_are_told_in_words(folder, tmp_path, capsys, name, content, words):
+    own = tmp_path / "BODIES"
+    shutil.copytree(folder, own)
+    if name.startswith("corr/"):
+        for other in (own / "corr").iterdir():
+            other.write_text("1\n" * content.count(b"\n"))
+    (own / name).parent.mkdir(exist_ok=True)
+    (own / name).write_bytes(content)
+    assert main(["evaluate", str(own), "--method", "saved:TRUE", "--quiet"]) == 1
+    told = capsys.readouterr()
+    assert words in told.out + told.err
+
+
+def test_options_that_the_method_would_ignore_are_refused_at_once(folder):
+    for method in ("paper", "saved:TRUE", lambda source, target: None):
+        with pytest.raises(sgmds.ArgumentError, match="`part` is for the method"):
+            evaluate(folder, method=method, part="source")

@@ -94,6 +94,9 @@ def test_glb(tmp_path):
         ("a.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n", "outside|cannot be read"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "triangle 0 names a vertex outside"),
         ("a.obj", b"v 0 0\nf 1 2 3\n", "line 1"),
+        ("a.off", b"OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "announces 2 faces, 1 are there"),
+        ("a.off", b"OFF 3 2 0 # two\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2\n", "2 faces, 1 are there"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n", "line 5"),
         ("a.obj.gz", b"not gzip", "gzip"),
         ("a.ply", b"ply\n", "cannot be read"),
     ],
@@ -120,7 +123,7 @@ def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
     path = tmp_path / "square.off"
     path.write_text(TEXTS["plain.off"])
     monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(MeshError, match=r'trimesh is missing: pip install "sgmds\[tools\]"'):
+    with pytest.raises(MeshError, match=r'trimesh is missing: pip install "\.\[tools\]"'):
         read_mesh(path)
 
 

@@ -78,6 +78,12 @@ def test_scaling_laws(body, slender):
     np.testing.assert_allclose(larger.geodesics, 3 * body.geodesics, rtol=1e-6, atol=1e-9)
 
 
+@pytest.mark.parametrize("scale", [1e-200, 1e200])
+def test_a_size_without_an_area_is_refused(slender, scale):
+    with pytest.raises(sgmds.MeshError, match="units large"):
+        sgmds.Shape(scale * slender.vertices, slender.faces)
+
+
 def test_saved_shape_comes_back(body, tmp_path):
     path = tmp_path / "shape.bin"
     body.save(path)

@@ -17,6 +17,7 @@ from functools import cached_property
 import numpy as np
 
 from . import extras
+from .errors import ArgumentError
 
 BLEND = 0.022
 """Softness of the union of capsules, in body lengths: about the radius of the fillet at a joint."""
@@ -111,6 +112,9 @@ SKELETONS: dict[str, list[Bone]] = {
         ]
     ),
 }
+
+LEAST_RESOLUTION = 100
+"""Coarser, limbs fall between the points of the grid."""
 
 Scales = dict[str, tuple[float, float]]
 
@@ -342,8 +346,12 @@ def make(
     """A character of about `resolution` vertices. `build` and `pose` are names or dictionaries like
     `BUILDS["stout"]` and `POSES["biped"]["walk"]`; `seed` turns and shifts the sampling grid, so that each
     has a mesh of its own."""
-    if kind not in SKELETONS:
-        raise ValueError(f"kind should be one of {', '.join(SKELETONS)}, got {kind!r}")
+    named = (("kind", kind, SKELETONS), ("build", build, BUILDS), ("pose", pose, POSES.get(kind, {})))
+    for name, value, known in named:
+        if isinstance(value, str) and value not in known:
+            raise ArgumentError(f"`{name}` should be one of {', '.join(known)}, got {value!r}")
+    if resolution < LEAST_RESOLUTION:
+        raise ArgumentError(f"`resolution` should be {LEAST_RESOLUTION} vertices or more, got {resolution}")
     scales = BUILDS[build] if isinstance(build, str) else build
     angles = POSES[kind][pose] if isinstance(pose, str) else pose
     body = Body(kind, scales, angles)

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 
@@ -13,6 +14,9 @@ from .matching import METHODS, PARTS
 from .shape import METRICS
 
 CANCELLED = 130
+PICTURES = (".svg", ".pdf", ".png", ".eps", ".jpg", ".webp")
+UNUSED = {"noise": ("plot",), "ablation": ("plot", "method"), "runtime": ("plot", "cache", "every")}
+"""Options that an experiment of `reproduce` does not have."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -86,10 +90,10 @@ def _parser() -> argparse.ArgumentParser:
         help=f'one of {", ".join(METHODS)}, or "saved:NAME" for maps stored with the set',
     )
     evaluate.add_argument(
-        "--bound", type=float, default=8.0, help="a pair is right below this error (default 8)"
+        "--bound", type=_error, default=8.0, help="a pair is right below this error (default 8)"
     )
     evaluate.add_argument(
-        "--lines", type=int, default=400, help="truth lines asked of a pair, 0 for all (default 400)"
+        "--lines", type=_natural, default=400, help="truth lines asked of a pair, 0 for all (default 400)"
     )
     evaluate.add_argument("--distances", choices=("heat", "exact"), default="heat")
     evaluate.add_argument("--reverse", action="store_true", help="every pair the other way round")
@@ -106,7 +110,7 @@ def _parser() -> argparse.ArgumentParser:
     evaluate.add_argument("--cache", type=Path, metavar="DIR", help="keep truth distances there between runs")
     evaluate.add_argument("--json", type=_output, metavar="OUT", help="all figures")
     evaluate.add_argument(
-        "--plot", type=_output, metavar="OUT.svg", help="error curves, beside those of the saved maps"
+        "--plot", type=_picture, metavar="OUT.svg", help="error curves, beside those of the saved maps"
     )
     evaluate.add_argument("-q", "--quiet", action="store_true", help="the summary only")
     _add_common(evaluate)
@@ -119,13 +123,13 @@ def _parser() -> argparse.ArgumentParser:
     reproduce.add_argument("folder", type=Path, help="a set (has pairs.txt), or a folder of sets")
     reproduce.add_argument("--set", action="append", metavar="NAME", help="only this set; repeatable")
     reproduce.add_argument("--method", action="append", choices=METHODS, help="repeatable")
-    reproduce.add_argument("--every", type=_positive, default=1, metavar="N", help="only every Nth pair")
+    reproduce.add_argument("--every", type=_positive, metavar="N", help="only every Nth pair")
     reproduce.add_argument(
         "--cache", type=Path, metavar="DIR", help="keep truth distances there between runs"
     )
     reproduce.add_argument("--json", type=_output, metavar="OUT", help="all figures")
-    reproduce.add_argument("--plot", type=_output, metavar="OUT.svg", help="the error curves")
-    reproduce.set_defaults(run=_reproduce)
+    reproduce.add_argument("--plot", type=_picture, metavar="OUT.svg", help="the error curves")
+    reproduce.set_defaults(run=_reproduce, error=reproduce.error)
 
     batch = commands.add_parser("batch", help="match many pairs, unattended", description=_batch.__doc__)
     batch.add_argument(
@@ -168,21 +172,44 @@ def _add_common(parser):
     parser.add_argument("--seed", type=int, metavar="N")
 
 
-def _positive(text: str) -> int:
-    if int(text) < 1:
-        raise argparse.ArgumentTypeError("should be 1 or more")
+def _natural(text: str, least: int = 0) -> int:
+    if not text.isdecimal() or int(text) < least:
+        raise argparse.ArgumentTypeError(f"should be a whole number, {least} or more, got {text!r}")
     return int(text)
+
+
+def _positive(text: str) -> int:
+    return _natural(text, 1)
+
+
+def _error(text: str) -> float:
+    try:
+        bound = float(text)
+    except ValueError:
+        bound = math.nan
+    if not 0 < bound < math.inf:
+        raise argparse.ArgumentTypeError(f"should be a number above 0, got {text!r}")
+    return bound
 
 
 def _output(text: str) -> Path:
     """A file to be written, in a folder that is there: said before hours of work, not after."""
     path = Path(text)
-    if missing := _missing_folder(path):
-        raise argparse.ArgumentTypeError(missing)
+    if fault := _fault_of_place(path):
+        raise argparse.ArgumentTypeError(fault)
     return path
 
 
-def _missing_folder(path: Path) -> str | None:
+def _picture(text: str) -> Path:
+    path = _output(text)
+    if path.suffix.lower() not in PICTURES:
+        raise argparse.ArgumentTypeError(f"{path}: should end with one of {', '.join(PICTURES)}")
+    return path
+
+
+def _fault_of_place(path: Path) -> str | None:
+    if path.is_dir():
+        return f"{path}: is a folder; please name a file"
     if path.parent.is_dir():
         return None
     return f"{path}: there is no folder {path.parent}; please make it first"
@@ -221,14 +248,19 @@ def _match(options) -> int:
 
     if options.output.suffix != ".npz":
         return _fail(f"{options.output}: the map is saved as .npz; please name it so")
-    if missing := _missing_folder(options.output):
-        return _fail(missing)
+    if fault := _fault_of_place(options.output):
+        return _fail(fault)
     meshes: list = [read_mesh(options.source), read_mesh(options.target)]
     try:
         with _ProgressBar() as progress:
             shapes = meshes
             if options.metric != "euclidean":
-                shapes = [sgmds.Shape(*mesh, metric=options.metric, progress=progress) for mesh in meshes]
+                shapes = []
+                for role, mesh in zip(("source", "target"), meshes, strict=True):
+                    try:
+                        shapes.append(sgmds.Shape(*mesh, metric=options.metric, progress=progress))
+                    except sgmds.MeshError as error:
+                        raise sgmds.MeshError(f"{role}: {error}") from error
             corr = sgmds.match(
                 *shapes,
                 method=options.method,
@@ -238,8 +270,9 @@ def _match(options) -> int:
                 **_given(options, "part", "mirror", "threads", "seed"),
             )
     except sgmds.MeshError as error:
-        path = options.target if _usable(meshes[0]) else options.source
-        return _fail(f"{path}: {error}")
+        # Its words begin with the role of the mesh.
+        role, _, reason = str(error).partition(": ")
+        return _fail(f"{getattr(options, role, role)}: {reason}")
     corr.save(options.output)
     print(f"{options.output}: {len(corr.vertices)} vertices, {corr.quality.grade}")
     for reason in corr.quality.reasons:
@@ -247,22 +280,13 @@ def _match(options) -> int:
     return 0
 
 
-def _usable(mesh) -> bool:
-    """Whether the core takes a mesh: its errors do not say which of two they are about."""
-    from . import MeshError, _core
-
-    try:
-        _core.checked_size(*mesh)
-    except MeshError:
-        return False
-    return True
-
-
 def _evaluate(options) -> int:
     """Match the pairs of each set and measure the maps by the Princeton protocol: geodesic errors over
     √area, ×100."""
     from .evaluation import evaluate
 
+    if options.plot:
+        extras.require("matplotlib")
     result = evaluate(
         options.folder,
         set=options.set,
@@ -292,6 +316,12 @@ def _reproduce(options) -> int:
     user CPU times of the stages by mesh size; or what the parts of the automatic method contribute."""
     from . import experiments
 
+    for name in UNUSED.get(options.experiment, ()):
+        if getattr(options, name) is not None:
+            options.error(f"--{name} has no meaning for {options.experiment}")
+    if options.plot:
+        extras.require("matplotlib")
+
     def report(line):
         print(line, flush=True)
 
@@ -302,8 +332,8 @@ def _reproduce(options) -> int:
             for record in experiments.runtime(options.folder, options.set, method, report=report)
         ]
     else:
-        given = {"cache": options.cache, "every": options.every, "report": report}
-        if options.method and options.experiment != "ablation":
+        given = {"report": report, **_given(options, "cache", "every")}
+        if options.method:
             given["methods"] = options.method
         if options.experiment == "curves":
             given["plot"] = options.plot

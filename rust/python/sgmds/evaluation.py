@@ -31,7 +31,9 @@ from typing import Any
 
 import numpy as np
 
+from .errors import ArgumentError
 from .files import mesh_format, mesh_name, read_mesh
+from .matching import check_method
 
 TRUTH_LINES = 400
 """Truth lines asked of a pair, spread evenly; fewer than 200 move the mean by one or two units."""
@@ -73,7 +75,7 @@ class ShapeSet:
         self._files = {mesh_name(p): p for p in sorted(self.folder.iterdir()) if mesh_format(p)}
 
     def pairs(self) -> list[tuple[str, str]]:
-        lines = (self.folder / "pairs.txt").read_text(encoding="utf-8").splitlines()
+        lines = _text(self.folder / "pairs.txt").splitlines()
         return [(words[0], words[1]) for words in map(str.split, lines) if len(words) >= 2]
 
     def mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -87,10 +89,11 @@ class ShapeSet:
 
     def saved_map(self, method: str, a: str, b: str) -> np.ndarray | None:
         path = self.folder / "maps" / method / f"{a}__{b}.txt"
-        return np.loadtxt(path, dtype=np.int64, ndmin=1) if path.exists() else None
+        return _ids(path) if path.exists() else None
 
     def truth(self, a: str, b: str, vertices_a: int, lines: int | None = TRUTH_LINES) -> Truth:
         ids_a, ids_b = self._direct(a, b, vertices_a)
+        _check_ids(ids_a, vertices_a)
         all_a = ids_a
         swapped = self._swapped(a, b)
         if swapped is not None and len(swapped[0]) != len(ids_a):
@@ -138,7 +141,8 @@ class ShapeSet:
         for first, second, order in ((a, b, (0, 1)), (b, a, (1, 0))):
             path = self.folder / "corr_pairs" / f"{first}__{second}{ending}"
             if path.exists():
-                columns = np.loadtxt(path, dtype=np.int64, ndmin=2)
+                columns = _ids(path, 2)
+                columns = columns[(columns >= 0).all(axis=1)]
                 return columns[:, order[0]], columns[:, order[1]]
         return None
 
@@ -158,7 +162,7 @@ class ShapeSet:
         path = self.folder / "corr" / "IDENTITY"
         if not path.exists():
             return False
-        patterns = [line.strip() for line in path.read_text(encoding="utf-8").splitlines() if line.strip()]
+        patterns = [line.strip() for line in _text(path).splitlines() if line.strip()]
         return any(re.fullmatch(p, a) and re.fullmatch(p, b) for p in patterns)
 
 
@@ -183,8 +187,31 @@ def _class(name: str) -> str:
     return re.sub(r"\d+$", "", name)
 
 
-def _ids(path) -> np.ndarray:
-    return np.loadtxt(path, dtype=np.int64, ndmin=1)
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except UnicodeDecodeError as error:
+        raise _evaluation_error(f"{path}: is not UTF-8 text: {error}") from error
+
+
+def _ids(path: Path, columns: int = 1) -> np.ndarray:
+    """Vertex ids of a file, (lines,) or (lines, columns)."""
+    try:
+        found = np.loadtxt(path, dtype=np.int64, ndmin=2)
+        if found.size and found.shape[1] != columns:
+            raise ValueError(f"it has {found.shape[1]}")
+    except (ValueError, OverflowError) as error:
+        raise _evaluation_error(f"{path}: should have {columns} vertex id(s) a line: {error}") from error
+    return found.reshape(-1, columns) if columns > 1 else found.reshape(-1)
+
+
+def _check_ids(ids, count: int) -> None:
+    """A mesh has all vertices that the truth or a map names: negative ids would count from its end."""
+    wrong = ids[(ids < 0) | (ids >= count)]
+    if len(wrong):
+        raise _evaluation_error(
+            f"the truth or the map names vertex {wrong[0]}, but the mesh has {count}: it is of another mesh"
+        )
 
 
 def _evaluation_error(message: str) -> Exception:
@@ -210,7 +237,7 @@ class TruthDistances:
 
     def __init__(self, vertices, faces, kind: str = "heat", cache=None):
         if kind not in ("heat", "exact"):
-            raise ValueError(f'distances should be "heat" or "exact", got {kind!r}')
+            raise ArgumentError(f'`distances` should be "heat" or "exact", got {kind!r}')
         self.vertices, self.faces, self.kind = vertices, faces, kind
         self.scale = np.sqrt(surface_area(vertices, faces))
         self._rows: dict[int, np.ndarray] = {}
@@ -266,9 +293,8 @@ class TruthDistances:
                 self._solver = pygeodesic.geodesic.PyGeodesicAlgorithmExact(self.vertices, self.faces)
             row = self._solver.geodesicDistances(np.array([origin], np.int32), None)[0]
         if not np.isfinite(row).all():
-            raise _evaluation_error(
-                f'{self.kind} distances on this mesh are not finite; try distances="exact"'
-            )
+            remedy = 'try distances="exact"' if self.kind == "heat" else "join its parts or leave it out"
+            raise _evaluation_error(f"{self.kind} distances on this mesh are not finite; {remedy}")
         return row
 
 
@@ -277,9 +303,12 @@ class TruthDistances:
 
 def pair_errors(distances: TruthDistances, images, a, b) -> np.ndarray:
     """Error of each truth line; NaN where the map has no image (-1)."""
+    _check_ids(a, len(images))
+    _check_ids(b, len(distances.vertices))
     answers = np.asarray(images)[a]
     errors = np.full(len(a), np.nan)
     matched = answers >= 0
+    _check_ids(answers[matched], len(distances.vertices))
     errors[matched] = distances.between(b[matched], answers[matched])
     return errors
 
@@ -565,6 +594,7 @@ def evaluate(
     Each shape is prepared once and let go after its last pair. A pair that cannot be matched is listed in
     `failed`.
     """
+    check_method(method if isinstance(method, str) else "a function", match_options)
     names = [set] if isinstance(set, str) else set
     result = Evaluation()
     for shapes in find_sets(folder, names):

@@ -2,11 +2,16 @@
 
 from importlib.util import find_spec
 
+_OTHERS = {"distributed": "batch", "pyFM": "peers"}
+"""Packages that are not of the extra "tools"."""
+
 
 def missing(module: str) -> str:
     """Words on a package that is not there."""
-    extra = "batch" if module == "distributed" else "tools"
-    return f'{module} is missing: pip install "sgmds[{extra}]"'
+    if module == "pygeodesic":
+        return f"{module} is missing: pip install {module}"
+    extra = _OTHERS.get(module, "tools")
+    return f'{module} is missing: pip install ".[{extra}]" in a clone of the repository'
 
 
 def require(*modules: str) -> None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import gzip
 import io
 import itertools
+import re
 from pathlib import Path
 from typing import Any
 
@@ -99,8 +100,9 @@ def _obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
                 ids = [int(word.split(b"/", 1)[0]) for word in words[1:]]
                 # OBJ counts from 1; negative ids count back from the last vertex so far.
                 ids = [i - 1 if i > 0 else len(positions) + i for i in ids]
-                if len(ids) > 2:
-                    polygons.append(ids)
+                if len(ids) < 3:
+                    raise ValueError("a face has three corners or more")
+                polygons.append(ids)
         except (ValueError, IndexError) as error:
             raise ValueError(f"line {number} is not understood") from error
     vertices = np.array(positions, dtype=np.float64).reshape(-1, 3)
@@ -187,6 +189,17 @@ def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return np.array(triangles)
 
 
+def _check_off_is_whole(data: bytes) -> None:
+    """Raises `ValueError` when faces that the header announces are missing: the reader takes those there."""
+    after_name = re.split(rb"OFF", re.sub(rb"#[^\r\n]*", b"", data), maxsplit=1)[1]
+    lines = [words for words in map(bytes.split, after_name.splitlines()) if words]
+    vertices, announced = int(lines[0][0]), int(lines[0][1])
+    faces = lines[1 + vertices : 1 + vertices + announced]
+    whole = sum(len(words) > int(words[0]) for words in faces)
+    if whole < announced:
+        raise ValueError(f"its header announces {announced} faces, {whole} are there; it may be cut short")
+
+
 def _through_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
     extras.require("trimesh")
     import trimesh
@@ -194,6 +207,8 @@ def _through_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
     mesh: Any = trimesh.load(
         io.BytesIO(data), file_type=kind, force="mesh", process=False, maintain_order=True
     )
+    if kind == "off":
+        _check_off_is_whole(data)
     vertices = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3)
     faces = np.array(getattr(mesh, "faces", ()), dtype=np.int64).reshape(-1, 3)
     if kind == "stl":

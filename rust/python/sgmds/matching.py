@@ -50,7 +50,7 @@ def match(
 
     Parameters
     ----------
-    source, target : Shape or (vertices, faces)
+    source, target : Shape, or (vertices (n, 3), triangles (m, 3))
         The source carries the data, the target receives it.
     landmarks : sequence of (source_vertex, target_vertex)
         Known pairs; a target vertex has one source vertex.

@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from . import _core, archive, memory
-from .errors import ArgumentError, SgmdsError
+from .errors import ArgumentError, MeshError, SgmdsError
 
 FORMAT = "sgmds-shape"
 VERSION = 3
 """2: distances in single precision, large meshes simplified, another operator where a mesh is not regular;
 3: small meshes cut finer."""
 METRICS = ("euclidean", "scale-invariant")
+SMALLEST = 1e-140
+"""Extent below which areas and eigenvalues leave the range of numbers, as they do above its inverse."""
 PARTS = ("values", "functions", "farthest", "fields")
 
 
@@ -46,6 +48,9 @@ def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, Ids]:
         raise ArgumentError(f"`faces` should be (m, 3), got {faces.shape}; cut polygons into triangles")
     if faces.dtype.kind not in "iu":
         raise ArgumentError(f"`faces` should be integers, got {faces.dtype}")
+    extent = np.ptp(vertices, axis=0).max() if np.isfinite(vertices).all() and len(vertices) else 0.0
+    if extent and not SMALLEST < extent < 1 / SMALLEST:
+        raise MeshError(f"the mesh is {extent:g} units large, its area no number: scale it to a usual size")
     # What was computed from a mesh must not change with the caller's arrays.
     mesh = np.array(vertices, np.float64, order="C"), np.array(faces, np.int64, order="C")
     for array in mesh:
@@ -63,8 +68,8 @@ def mesh_of(name: str, mesh: Any) -> tuple[Floats, Ids]:
         raise ArgumentError(f"`{name}` should be a Shape or (vertices, faces)") from None
     try:
         return checked_mesh(vertices, faces)
-    except ArgumentError as error:
-        raise ArgumentError(f"{name}: {error}") from error
+    except (ArgumentError, MeshError) as error:
+        raise type(error)(f"{name}: {error}") from error
 
 
 def checked_array(name: str, values: ArrayLike, dtype: DTypeLike, *shape: int | None) -> NDArray[Any]:

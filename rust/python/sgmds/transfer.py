@@ -4,6 +4,8 @@
 they are, in their own units and with all their parts.
 """
 
+from __future__ import annotations
+
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -84,9 +86,12 @@ class SurfaceMap:
     Parameters
     ----------
     source, target : Shape, or (vertices (n, 3), triangles (m, 3))
-    faces, barycentric : for each target vertex its source triangle (n_target,) and the weights of that
-        triangle's corners (n_target, 3), as in `Correspondence`
-    confidence : (n_target,) in [0, 1], by default 1 everywhere
+    faces : (n_target,) array of int
+        For each target vertex its source triangle, as in `Correspondence`.
+    barycentric : (n_target, 3) array of float
+        The weights of that triangle's corners.
+    confidence : (n_target,) array of float, optional
+        In [0, 1], by default 1 everywhere.
 
     Raises
     ------
@@ -114,7 +119,7 @@ class SurfaceMap:
         self._core = _core.SurfaceMap(*source, *target, faces, barycentric, confidence)
 
     @classmethod
-    def of(cls, correspondence: Correspondence, source: Mesh, target: Mesh) -> "SurfaceMap":
+    def of(cls, correspondence: Correspondence, source: Mesh, target: Mesh) -> SurfaceMap:
         """The map of a `Correspondence` between the meshes, or shapes, that it was made for."""
         return cls(
             source, target, correspondence.faces, correspondence.barycentric, correspondence.confidence

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import hashlib
 import itertools
+import string
 import tomllib
 from collections import Counter
 from collections.abc import Iterator
@@ -14,7 +15,7 @@ from pathlib import Path
 
 from ..errors import ArgumentError
 from ..files import mesh_format, mesh_name
-from ..matching import METHODS
+from ..matching import METHODS, check_method
 
 MAP_NAME = "maps/{source}--{target}.npz"
 TILE = 8
@@ -44,8 +45,8 @@ class Pair:
 class Batch:
     """What a manifest asks for, checked: every file is there and every output stays in `folder`.
 
-    `options` are keyword arguments of `sgmds.match`. Pairs are numbered: those of all against all, then those
-    listed. Only these are stored one by one.
+    `options` are keyword arguments of `sgmds.match`. Pairs are numbered: those of all against all, then
+    others listed. Only listed ones are stored one by one: `own` those of all against all, by their numbers.
     """
 
     folder: Path
@@ -55,6 +56,7 @@ class Batch:
     everyone: int
     """The first so many shapes are matched all against all."""
     listed: list[Pair] = field(default_factory=list)
+    own: dict[int, Pair] = field(default_factory=dict)
 
     def __len__(self) -> int:
         return self.everyone * (self.everyone - 1) + len(self.listed)
@@ -63,6 +65,8 @@ class Batch:
         square = len(self) - len(self.listed)
         if number >= square:
             return self.listed[number - square]
+        if number in self.own:
+            return self.own[number]
         source, rest = divmod(number, self.everyone - 1)
         target = rest + (rest >= source)
         return Pair(source, target, self._map(self.map_name, source, target))
@@ -172,6 +176,7 @@ def read(path, output=None, anywhere=False) -> Batch:
         check_keys(table, TOP, "the manifest")
         options = table.get("options", {})
         check_options(options, OPTIONS)
+        check_method(options.get("method", "auto"), options)
         folder = Path(output).absolute() if output else within(home, table.get("output", path.stem), anywhere)
         maps = table.get("maps", True)
         map_name = {True: MAP_NAME, False: None}.get(maps, maps)
@@ -182,6 +187,7 @@ def read(path, output=None, anywhere=False) -> Batch:
         wanted = []
         for number, entry in enumerate(table.get("pairs", []), start=1):
             wanted.append(_listed(home, entry, f"pairs, entry {number}"))
+            check_method(options.get("method", "auto"), {"landmarks": wanted[-1][-1]})
         files = list(dict.fromkeys(everyone))
         many = len(files)
         if many == 1:
@@ -193,15 +199,23 @@ def read(path, output=None, anywhere=False) -> Batch:
         shapes = [ShapeFile(names[f], f, _digest(f)) for f in files]
         batch = Batch(folder, shapes, options, map_name, many)
         index = {f: i for i, f in enumerate(files)}
-        seen = set()
+        listed: dict[tuple[int, int], Pair] = {}
         for sources, targets, own_map, landmarks in wanted:
             for source, target in itertools.product(sources, targets):
                 ends = (index[source], index[target])
-                if source == target or ends in seen or max(ends) < many:
+                if source == target:
                     continue
-                seen.add(ends)
-                place = batch._map(own_map or map_name, *ends)
-                batch.listed.append(Pair(*ends, place, landmarks))
+                pair = Pair(*ends, batch._map(own_map or map_name, *ends), landmarks)
+                if listed.setdefault(ends, pair) != pair:
+                    raise ArgumentError(
+                        f"pairs: {names[source]} to {names[target]} is listed twice, with other landmarks or "
+                        "another map: leave one out"
+                    )
+        for ends, pair in listed.items():
+            if max(ends) < many:
+                batch.own[batch._square_number(*ends)] = pair
+            else:
+                batch.listed.append(pair)
         if not len(batch):
             raise ArgumentError("nothing to do: every pair is a shape with itself")
         _check_places(batch, anywhere)
@@ -211,11 +225,14 @@ def read(path, output=None, anywhere=False) -> Batch:
 
 
 def check_map_name(name, where, placeholders):
+    wrong = ArgumentError(f"{where}: {name!r} may use {{source}} and {{target}} only")
     try:
-        plain = name.format(source="a", target="b")
-    except (KeyError, IndexError, ValueError) as error:
-        raise ArgumentError(f"{where}: {name!r} may use {{source}} and {{target}} only") from error
-    if not plain.endswith(".npz"):
+        fields = {part[1:] for part in string.Formatter().parse(name) if part[1] is not None}
+    except ValueError as error:
+        raise wrong from error
+    if not fields <= {("source", "", None), ("target", "", None)}:
+        raise wrong
+    if not name.endswith(".npz"):
         raise ArgumentError(f"{where}: {name!r} should end with .npz")
     if placeholders and not ("{source}" in name and "{target}" in name):
         raise ArgumentError(f"{where}: {name!r} should use {{source}} and {{target}}, one map each")
@@ -287,13 +304,14 @@ def _check_places(batch: Batch, anywhere: bool):
     Of all against all, one map tells of all: only their pattern could do that, not the names of shapes.
     """
     inputs = {shape.path.resolve() for shape in batch.shapes}
-    probes = list(batch.listed)
+    one_by_one = [*batch.listed, *batch.own.values()]
+    probes = list(one_by_one)
     if batch.everyone:
         probes.append(batch.pair(0))
     for place in {pair.map for pair in probes if pair.map is not None}:
         within(batch.folder, place, anywhere)
         if place.resolve() in inputs:
             raise ArgumentError(f"{place} is an input: choose another name for the map")
-    twice = [place for place, count in Counter(p.map for p in batch.listed if p.map).items() if count > 1]
+    twice = [place for place, count in Counter(p.map for p in one_by_one if p.map).items() if count > 1]
     if twice:
         raise ArgumentError(f"two maps would be written to {twice[0]}: choose another name for one")
