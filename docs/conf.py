@@ -25,7 +25,7 @@ suppress_warnings = ["toc.not_included"]
 autodoc_member_order = "bysource"
 # Arrays and callbacks under the names that the code gives them.
 autodoc_type_aliases = {
-    name: name for name in ("ArrayLike", "NDArray", "Floats", "Ids", "Progress", "np.ndarray")
+    name: name for name in ("ArrayLike", "NDArray", "Floats", "Ids", "Mesh", "Progress", "np.ndarray")
 }
 autodoc_typehints_format = "short"
 napoleon_google_docstring = False
