@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import sgmds
 from sgmds.cli import main
+from sgmds.extras import missing
 
 
 @pytest.fixture(scope="module")
@@ -148,3 +149,16 @@ def test_import_needs_numpy_alone():
     code = "import sys, sgmds; print({'scipy', 'trimesh', 'matplotlib', 'tqdm'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize(
+    ("module", "wanted"),
+    [
+        ("trimesh", ".[tools]"),
+        ("distributed", ".[batch]"),
+        ("pyFM", ".[peers]"),
+        ("pygeodesic", "pygeodesic"),
+    ],
+)
+def test_a_missing_package_is_named_with_what_brings_it(module, wanted):
+    assert missing(module).replace('"', "").startswith(f"{module} is missing: pip install {wanted}")

@@ -1,6 +1,7 @@
 """The protocol on a folder made here, against a second computation of it by other means."""
 
 import shutil
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from sgmds import characters
 from sgmds.cli import main
-from sgmds.evaluation import evaluate, find_sets, sparsification
+from sgmds.evaluation import TruthDistances, evaluate, find_sets, sparsification
 
 
 def write_off(path, vertices, faces):
@@ -138,3 +139,14 @@ def test_options_that_the_method_would_ignore_are_refused_at_once(folder):
     for method in ("paper", "saved:TRUE", lambda source, target: None):
         with pytest.raises(sgmds.ArgumentError, match="`part` is for the method"):
             evaluate(folder, method=method, part="source")
+
+
+@pytest.mark.parametrize(("kind", "remedy"), [("heat", "try distances"), ("exact", "join its parts")])
+def test_distances_without_end_are_told_with_another_way(kind, remedy):
+    distances = TruthDistances(np.eye(3), np.array([[0, 1, 2]]), kind)
+    lost = np.full(3, np.inf)
+    distances._solver = SimpleNamespace(
+        compute_distance=lambda origin: lost, geodesicDistances=lambda origins, ends: [lost]
+    )
+    with pytest.raises(sgmds.SgmdsError, match=f"{kind} distances .* not finite; {remedy}"):
+        distances.between([0], [1])
