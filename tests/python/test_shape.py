@@ -84,6 +84,15 @@ def test_a_size_without_an_area_is_refused(slender, scale):
         sgmds.Shape(scale * slender.vertices, slender.faces)
 
 
+@pytest.mark.parametrize("kind", [np.int16, np.float32])
+def test_coordinates_of_any_kind_of_number_are_taken(slender, kind):
+    """Also where the difference of two leaves the range of the kind."""
+    vertices = slender.vertices - (slender.vertices.max(axis=0) + slender.vertices.min(axis=0)) / 2
+    vertices = (np.iinfo(np.int16).max / np.abs(vertices).max() * vertices).astype(kind)
+    area = sgmds.Shape(vertices, slender.faces).mass.sum()
+    assert area == sgmds.Shape(vertices.astype(float), slender.faces).mass.sum()
+
+
 def test_saved_shape_comes_back(body, tmp_path):
     path = tmp_path / "shape.bin"
     body.save(path)

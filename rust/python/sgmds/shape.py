@@ -48,13 +48,14 @@ def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, Ids]:
         raise ArgumentError(f"`faces` should be (m, 3), got {faces.shape}; cut polygons into triangles")
     if faces.dtype.kind not in "iu":
         raise ArgumentError(f"`faces` should be integers, got {faces.dtype}")
-    extent = np.ptp(vertices, axis=0).max() if np.isfinite(vertices).all() and len(vertices) else 0.0
-    if extent and not SMALLEST < extent < 1 / SMALLEST:
-        raise MeshError(f"the mesh is {extent:g} units large, its area no number: scale it to a usual size")
     # What was computed from a mesh must not change with the caller's arrays.
     mesh = np.array(vertices, np.float64, order="C"), np.array(faces, np.int64, order="C")
     for array in mesh:
         array.flags.writeable = False
+    with np.errstate(over="ignore"):
+        extent = np.ptp(mesh[0], axis=0).max() if len(vertices) and np.isfinite(mesh[0]).all() else 0.0
+    if extent and not SMALLEST < extent < 1 / SMALLEST:
+        raise MeshError(f"the mesh is {extent:g} units large, its area no number: scale it to a usual size")
     return mesh
 
 
