@@ -8,6 +8,7 @@
 //! A loss that no single outlier dominates: Geman, `McClure`, "Statistical methods for tomographic image
 //! reconstruction", 1987.
 
+use faer::MatRef;
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -18,7 +19,7 @@ use crate::vector;
 
 /// Distance from which on the others say where a sample belongs, √area: all do, or only those farther than a limb is
 /// wide, since its neighbours were mislaid with it.
-pub const HEARD_FROM: [f32; 2] = [0.0, 0.15];
+const HEARD_FROM: [f32; 2] = [0.0, 0.15];
 /// A change of distance whose cost is half of the largest, √area.
 const TOLERANCE: f32 = 0.05;
 /// A sample belongs elsewhere if it costs so much less there, of 1, and that is farther off than a limb is wide.
@@ -28,7 +29,8 @@ const ELSEWHERE: f64 = 0.12;
 const MISLAID: f32 = 0.1;
 const ROUNDS: usize = 2;
 
-/// Images of the part's first [`ASKING`] samples, moved where they belong elsewhere; `None` where none does.
+/// Images of the part's first [`ASKING`] samples, moved where they belong elsewhere: once by all others and once by
+/// those that are not near. Nothing where none belongs elsewhere.
 ///
 /// `images` are vertices of the whole, one for each of the part's.
 ///
@@ -37,16 +39,32 @@ const ROUNDS: usize = 2;
 pub fn relocated(
     pair: &PartInWhole<'_>,
     images: &[u32],
-    heard_from: f32,
     progress: &Progress,
-) -> Result<Option<Vec<u32>>> {
-    let (part, whole) = (pair.part, pair.whole);
-    let others = part.marched();
-    let their_images: Vec<u32> = others.iter().map(|&v| images[v as usize]).collect();
+) -> Result<Vec<Vec<u32>>> {
+    let others = pair.part.marched().iter();
+    let their_images: Vec<u32> = others.map(|&v| images[v as usize]).collect();
+    let marching = &pair.whole.marching;
     let from_images =
-        geodesics::distances_from(&whole.marching, &their_images, &|| progress.is_cancelled())?;
+        geodesics::distances_from(marching, &their_images, &|| progress.is_cancelled())?;
     // One column for each vertex of the whole.
     let on_whole = from_images.transpose().to_owned();
+    let mut found = Vec::new();
+    for heard_from in HEARD_FROM {
+        progress.check()?;
+        found.extend(moved(pair, images, on_whole.as_ref(), heard_from));
+    }
+    Ok(found)
+}
+
+/// Images of the samples by the others that are not nearer than `heard_from`; `None` where none is moved.
+fn moved(
+    pair: &PartInWhole<'_>,
+    images: &[u32],
+    on_whole: MatRef<'_, f32>,
+    heard_from: f32,
+) -> Option<Vec<u32>> {
+    let (part, whole) = (pair.part, pair.whole);
+    let others = part.marched();
     let belongs = |v: u32, weights: &[f32]| -> Option<u32> {
         let on_part: Vec<(f32, f32)> = weights
             .iter()
@@ -59,11 +77,14 @@ pub fn relocated(
             .collect();
         let total: f32 = on_part.iter().map(|(_, weight)| weight).sum();
         let cost = |x: u32| -> f32 {
-            let there = on_whole.col_as_slice(x as usize);
-            let costs = on_part.iter().zip(there).map(|(&(here, weight), &there)| {
-                let change = change(here, there);
-                weight * change / (change + TOLERANCE * TOLERANCE)
-            });
+            let there = on_whole.col(x as usize);
+            let costs = on_part
+                .iter()
+                .zip(there.iter())
+                .map(|(&(here, weight), &there)| {
+                    let change = change(here, there);
+                    weight * change / (change + TOLERANCE * TOLERANCE)
+                });
             costs.sum::<f32>() / total
         };
         let now = images[v as usize];
@@ -75,21 +96,17 @@ pub fn relocated(
     };
     let mut weights = vec![1.0; others.len()];
     for _ in 0..ROUNDS {
-        progress.check()?;
         let lies = |&v: &u32| belongs(v, &weights).map_or(1.0, |_| MISLAID);
         weights = others.par_iter().map(lies).collect();
     }
     let asking = part.farthest_points(ASKING);
     let places: Vec<Option<u32>> = asking.par_iter().map(|&v| belongs(v, &weights)).collect();
-    if places.iter().all(Option::is_none) {
-        return Ok(None);
-    }
-    let moved = asking.iter().zip(places);
-    Ok(Some(
-        moved
+    let found = asking.iter().zip(&places);
+    places.iter().any(Option::is_some).then(|| {
+        found
             .map(|(&v, place)| place.unwrap_or(images[v as usize]))
-            .collect(),
-    ))
+            .collect()
+    })
 }
 
 #[cfg(test)]
@@ -103,18 +120,18 @@ mod tests {
     /// Farthest that any point of the whole is from a sample on which another can be placed, √area.
     const SPACING: f64 = 0.06;
 
-    fn relocated_on(part: &Shape, whole: &Shape, images: &[u32]) -> Option<Vec<u32>> {
+    fn relocated_on(part: &Shape, whole: &Shape, images: &[u32]) -> Vec<Vec<u32>> {
         let hints = Hints::default();
         let pair = testing::pair(part, whole, Shares::TARGET_IS_PART, &hints);
         let pair = PartInWhole::of(&pair);
-        relocated(&pair, images, HEARD_FROM[0], &Progress::default()).expect("goes on")
+        relocated(&pair, images, &Progress::default()).expect("goes on")
     }
 
     #[test]
     fn what_lies_right_stays() {
         let torus = torus(RINGS);
         let images: Vec<u32> = (0..torus.mesh.vertices.len() as u32).collect();
-        assert_eq!(relocated_on(&torus, &torus, &images), None);
+        assert!(relocated_on(&torus, &torus, &images).is_empty());
     }
 
     #[test]
@@ -125,9 +142,12 @@ mod tests {
         let images: Vec<u32> = (0..torus.mesh.vertices.len() as u32)
             .map(|v| if v < 200 { v + 480 } else { v })
             .collect();
-        let found = relocated_on(&torus, &torus, &images).expect("a fifth is elsewhere");
-        for (&v, &image) in torus.farthest_points(ASKING).iter().zip(&found) {
-            assert!(vector::distance(at(v), at(image)) < SPACING, "{v} {image}");
+        let found = relocated_on(&torus, &torus, &images);
+        assert_eq!(found.len(), HEARD_FROM.len());
+        for found in found {
+            for (&v, &image) in torus.farthest_points(ASKING).iter().zip(&found) {
+                assert!(vector::distance(at(v), at(image)) < SPACING, "{v} {image}");
+            }
         }
     }
 }

@@ -24,7 +24,7 @@ const LOCAL_DISTORTION: (f64, f64) = (0.035, 0.05);
 const CLEAR: (f64, f64) = (0.7, 0.025);
 /// Score below which a map is graded red, and from which it may be green.
 const SCORE: (f64, f64) = (0.3, 0.55);
-/// Margin at which another map is as good as the chosen one, and from which it is no rival.
+/// Margin at which another map is clearly better than the chosen one, and from which it is no rival.
 const MARGIN: (f64, f64) = (0.85, 1.35);
 /// What the closest rival leaves of the score at least.
 const LEAST_CLARITY: f64 = 0.15;

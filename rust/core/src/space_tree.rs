@@ -19,7 +19,7 @@ pub struct SpaceTree<'a> {
 }
 
 impl<'a> SpaceTree<'a> {
-    /// Sorts the points into a tree; O(n log² n).
+    /// Sorts the points into a tree; O(n log n).
     #[must_use]
     pub fn new(points: &'a [Point]) -> Self {
         let mut order: Vec<u32> = (0..points.len() as u32).collect();

@@ -340,7 +340,7 @@ impl SurfaceMap {
     ) -> PyResult<Array2<'py, f64>> {
         let map = Arc::clone(&self.map);
         let channels = values.as_array().shape()[1];
-        let (count, values) = (starts.len() - 1, values.as_slice()?.to_vec());
+        let (count, values) = (starts.len().saturating_sub(1), values.as_slice()?.to_vec());
         let carried = watched(py, None, None, move |_| {
             let faces = Polygons::new(&starts, &corner_vertices, &map.target)?;
             labels::face_means(&map, &faces, &values, channels)
@@ -364,7 +364,7 @@ impl SurfaceMap {
         Ok(carried.into_pyarray(py))
     }
 
-    /// The source's edge nearest to the image of each target edge.
+    /// The source's edge nearest to the image of each target edge, of those that run like it.
     fn nearest_edges<'py>(
         &self,
         py: Python<'py>,

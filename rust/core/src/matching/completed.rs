@@ -51,6 +51,7 @@ impl Completed<'_> {
     }
 }
 
+/// A hypothesis with its final refinement, ranked by what that gives.
 pub(super) fn completed_and_ranked<'a>(
     pair: &Pair<'a>,
     hypothesis: &Hypothesis,

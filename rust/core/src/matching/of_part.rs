@@ -174,14 +174,8 @@ fn relocated(pair: &Pair<'_>, map: &Refined<'_>, progress: &Progress) -> Result<
         map.source()
     };
     let pair = PartInWhole::of(pair);
-    let mut starts = Vec::new();
-    for heard_from in part_relocation::HEARD_FROM {
-        let images = &side.images.vertex;
-        if let Some(images) = part_relocation::relocated(&pair, images, heard_from, progress)? {
-            starts.push(pair.fitted(&images)?);
-        }
-    }
-    Ok(starts)
+    let found = part_relocation::relocated(&pair, &side.images.vertex, progress)?;
+    found.iter().map(|images| pair.fitted(images)).collect()
 }
 
 /// Refines the map of a part once more on what it covers of the whole, where that is no worse; also a map between

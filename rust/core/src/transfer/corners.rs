@@ -49,7 +49,9 @@ impl Polygons {
         let n = surface.vertices.len() as i64;
         let rows_fit = starts.first() == Some(&0)
             && starts.last() == Some(&(vertices.len() as i64))
-            && starts.windows(2).all(|w| w[1] >= w[0] + 3);
+            && starts
+                .windows(2)
+                .all(|w| w[1].checked_sub(w[0]).is_some_and(|count| count >= 3));
         if !rows_fit || vertices.iter().any(|&v| v < 0 || v >= n) {
             return Err(Error::BadArgument {
                 what: format!(

@@ -22,8 +22,9 @@ const LONGEST_PIECE: usize = 128;
 /// Pieces into which a closed curve is cut at least, so that ends differ.
 const LOOP_PIECES: usize = 3;
 
-/// Cosine of the widest angle between edges that run alike: in a grid, those along and not across.
-const ALIKE: f64 = std::f64::consts::FRAC_1_SQRT_2;
+/// Cosine of the widest angle between edges that run alike: in a grid, those along and not across. Just below that
+/// of 45°, so that a diagonal runs like both.
+const ALIKE: f64 = 0.7;
 
 /// A part of a marked curve of the source: positions and the values of its edges.
 struct Piece {
@@ -72,7 +73,7 @@ pub fn carried_marks(
 }
 
 /// The edge of the source from which each edge of the target takes its value: the nearest to the
-/// middle of its image, of those that run like it.
+/// middle of its image, of those that run like it and are no farther off than it is long.
 ///
 /// # Errors
 /// [`Error::BadArgument`] when an edge names a missing vertex or the source has none.
@@ -101,9 +102,13 @@ pub fn nearest_edges(
             // An edge whose ends have one image runs nowhere.
             let alike =
                 |e: u32| own == [0.0; 3] || vector::dot(own, way(edges.corners(e))).abs() >= ALIKE;
+            let nearest = edges.nearest(middle);
+            // Farther off than its own length it is another place.
+            let off = vector::distance(edges.position(&nearest), middle);
+            let near = off + vector::distance(a, b);
             edges
-                .nearest_where(middle, None, alike)
-                .unwrap_or_else(|| edges.nearest(middle))
+                .nearest_within(middle, near, alike)
+                .unwrap_or(nearest)
                 .face
         })
         .collect())

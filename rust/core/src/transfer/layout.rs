@@ -158,7 +158,7 @@ pub struct LayoutReport {
     /// Mean over the surface of the larger of σ₁ and 1/σ₂, the singular values of the map from
     /// surface to UV at equal total areas: 1 where nothing is stretched.
     pub stretch: f64,
-    /// Share of the triangles wound against most others.
+    /// Share of the area wound against most of the rest.
     pub flipped: f64,
     /// Share of the covered texels of a grid, 1024 × 1024 to a unit of UV, that more than one triangle
     /// covers; coarser where the layout goes over more than 16 units.
@@ -295,7 +295,7 @@ pub fn scan_rows(
     let edges = [(b, c), (c, a), (a, b)];
     let within = |k: usize, limits: &Range<i64>| {
         let (first, last) = ((low(k) - 0.5).ceil() as i64, (high(k) - 0.5).floor() as i64);
-        first.max(limits.start)..(last + 1).min(limits.end)
+        first.max(limits.start)..last.saturating_add(1).min(limits.end)
     };
     for y in within(1, &rows) {
         for x in within(0, &columns) {

@@ -159,7 +159,7 @@ impl Accumulator {
 /// Carries the weights of the source's vertices to the target's.
 ///
 /// Barycentric within the source's triangle; then rejected vertices are filled by a Laplace solve,
-/// all are smoothed, pruned, limited and scaled back to their sum, in this order.
+/// all are smoothed, limited, pruned and scaled back to their sum, in this order.
 ///
 /// # Errors
 /// [`Error::BadArgument`] when lengths do not fit, [`Error::NotFactorised`].
@@ -323,10 +323,11 @@ fn finish(row: &mut Vec<(u32, f64)>, options: &SkinOptions<'_>, v: usize) {
         .map(|&(g, w)| (w, g))
         .collect();
     strengths.sort_by(|a, b| b.0.total_cmp(&a.0).then(a.1.cmp(&b.1)));
-    strengths.truncate(most);
-    row.retain(|&(g, w)| {
-        w >= options.prune && (!deforms(g) || strengths.iter().any(|&(_, kept)| kept == g))
-    });
+    if strengths.len() > most {
+        strengths.truncate(most);
+        row.retain(|&(g, _)| !deforms(g) || strengths.iter().any(|&(_, kept)| kept == g));
+    }
+    row.retain(|&(_, w)| w >= options.prune);
     if options.normalize {
         let left = sum(row);
         if left > 0.0 {

@@ -196,6 +196,24 @@ impl Surface {
         best.map(|(_, point)| point)
     }
 
+    /// Nearest point in the triangles for which `allowed` holds, of those within a distance: where none is near,
+    /// the others are not looked through.
+    #[must_use]
+    pub fn nearest_within(
+        &self,
+        query: Point,
+        distance: f64,
+        allowed: impl Fn(u32) -> bool + Copy,
+    ) -> Option<SurfacePoint> {
+        let nowhere = SurfacePoint {
+            face: NONE,
+            weights: [0.0; 3],
+        };
+        let mut best = Some((distance * distance, nowhere));
+        self.visit(0, 0, self.order.len(), query, allowed, &mut best);
+        best.map(|(_, point)| point).filter(|p| p.face != NONE)
+    }
+
     /// Descends into the box `node` over `order[begin..end]`.
     fn visit(
         &self,

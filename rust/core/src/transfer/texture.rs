@@ -324,6 +324,11 @@ fn check(map: &SurfaceMap, bake: &Bake<'_>) -> Result<()> {
     ] {
         if let Some(used) = used {
             check_rows(name, used.len(), count)?;
+            if !used.contains(&true) {
+                return Err(Error::BadArgument {
+                    what: format!("no triangle of `{name}` has the texture"),
+                });
+            }
         }
     }
     let tiles = bake.texture.tiles;
@@ -464,13 +469,22 @@ impl TargetTriangle {
             };
         }
         let query = blend(self.images, weights);
-        let allowed = |t: u32| used(t) && vector::dot(map.source.cross(t), self.normal) > 0.0;
-        let start = guess.filter(|&t| allowed(t));
-        let found = map
+        let faces = |t: u32| vector::dot(map.source.cross(t), self.normal) > 0.0;
+        let nearest = map
             .source
-            .nearest_where(query, start, allowed)
-            .or_else(|| map.source.nearest_where(query, None, used))
+            .nearest_where(query, guess.filter(|&t| used(t)), used)
             .unwrap_or_else(|| map.source.nearest(query));
+        let found = if faces(nearest.face) {
+            nearest
+        } else {
+            // The other side of what is thin; a triangle that faces this one lies at one of its corners.
+            let apart = |image: &Point| vector::distance(*image, query);
+            let near = self.images.iter().map(apart).fold(0.0, f64::max);
+            let facing = |t: u32| used(t) && faces(t);
+            map.source
+                .nearest_within(query, near, facing)
+                .unwrap_or(nearest)
+        };
         *guess = Some(found.face);
         found
     }
@@ -586,7 +600,8 @@ fn filtered(image: &Image<'_>, uv: Uv, extension: Extension, straight: bool) -> 
     let mut high = [f32::NEG_INFINITY; CHANNELS];
     for (j, &wy) in up.iter().enumerate() {
         for (i, &wx) in along.iter().enumerate() {
-            let (x, y) = (column as i64 + i as i64 - 1, row as i64 + j as i64 - 1);
+            let [x, y] =
+                [(column, i), (row, j)].map(|(at, k)| (at as i64).saturating_add(k as i64 - 1));
             let texel = image.texel(x, y, extension);
             let weight = wx * wy;
             for c in 0..3 {
