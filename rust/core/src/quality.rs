@@ -56,6 +56,12 @@ pub fn doubtful(figures: &Figures) -> bool {
     figures.orientation < ORIENTATION.0 || figures.local_distortion > LOCAL_DISTORTION.1
 }
 
+/// Whether a map changes short distances by more than there is between bodies that are alike.
+#[must_use]
+pub fn stretches(figures: &Figures) -> bool {
+    figures.local_distortion > LOCAL_DISTORTION.0
+}
+
 /// Whether the two shapes hardly look like one body in two poses, by the curvatures of a map between them.
 #[must_use]
 pub fn unlike(figures: &Figures) -> bool {

@@ -52,11 +52,14 @@ pub(super) fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Shares, f64)> {
     }
 }
 
-/// Whether a map between wholes may be that of a part of such lengths: it is not clear, or says so of distances.
+/// Whether a map between wholes may be that of a part of such lengths: it is doubtful, stretches the surface, or
+/// says so of distances.
 pub(super) fn may_be_part(pair: &Pair<'_>, map: &Hypothesis, (_, lengths): (Shares, f64)) -> bool {
     pair.uses(Part::Retry)
         && map.shares == Shares::BOTH
-        && (!quality::clear(&map.figures) || grows_to(pair, map, lengths))
+        && (quality::doubtful(&map.figures)
+            || quality::stretches(&map.figures)
+            || grows_to(pair, map, lengths))
 }
 
 /// Whether a map makes distances rather so many times as long than leaving them.
