@@ -88,6 +88,16 @@ def test_a_mesh_that_cannot_be_matched_is_named_by_its_file(files, tmp_path, cap
     assert capsys.readouterr().err.startswith(f"sgmds: {bad}: the largest connected part")
 
 
+def test_an_error_about_no_one_mesh_keeps_its_words(files, tmp_path, monkeypatch, capsys):
+    def match(*_, **__):
+        raise sgmds.MeshError("method: strange")
+
+    monkeypatch.setattr(sgmds, "match", match)
+    good = str(files / "slender.obj")
+    assert main(["match", good, good, "-o", str(tmp_path / "map.npz")]) == 1
+    assert "method: strange" in capsys.readouterr().err
+
+
 def test_axes_in_common_are_told_to_the_matcher(files, tmp_path, monkeypatch):
     told = []
 

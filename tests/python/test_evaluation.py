@@ -139,6 +139,8 @@ def test_options_that_the_method_would_ignore_are_refused_at_once(folder):
     for method in ("paper", "saved:TRUE", lambda source, target: None):
         with pytest.raises(sgmds.ArgumentError, match="`part` is for the method"):
             evaluate(folder, method=method, part="source")
+    with pytest.raises(sgmds.ArgumentError, match="`landmarks` is for the method"):
+        evaluate(folder, method="paper", landmarks=np.array([[0, 0], [1, 1]]))
 
 
 @pytest.mark.parametrize(("kind", "remedy"), [("heat", "try distances"), ("exact", "join its parts")])

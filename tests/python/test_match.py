@@ -306,6 +306,15 @@ def test_errors_say_which_mesh_they_are_about(source, side):
         sgmds.match(**{side: (np.eye(2), triangle[1]), other: source})
 
 
+@pytest.mark.parametrize("side", ["source", "target"])
+def test_so_do_those_found_while_memory_is_counted(source, side, monkeypatch):
+    monkeypatch.setattr(sgmds.memory, "available", lambda: 1)
+    triangle = np.eye(3), np.array([[0, 1, 2]])
+    meshes = {"source": source, "target": source, side: triangle}
+    with pytest.raises(sgmds.MeshError, match=f"^{side}: the largest connected part"):
+        sgmds.match(**meshes)
+
+
 @pytest.mark.parametrize(
     ("option", "words"),
     [
@@ -314,6 +323,8 @@ def test_errors_say_which_mesh_they_are_about(source, side):
         ({"without": "vote"}, "`without`"),
         ({"threads": 0}, "`threads`"),
         ({"threads": "x"}, "`threads`"),
+        ({"threads": 2**70}, "`threads`"),
+        ({"seed": "x"}, "`seed`"),
     ],
 )
 def test_wrong_arguments_are_named(source, option, words):
@@ -335,6 +346,13 @@ def test_every_method_tells_what_was_left_out(slender, method):
 def test_progress_cancels_by_any_false(slender, no):
     with pytest.raises(sgmds.Cancelled):
         sgmds.Shape(slender.vertices, slender.faces, progress=lambda stage, fraction: no)
+
+
+def test_values_that_are_no_real_numbers_are_refused(corr, slender):
+    count = len(slender.vertices)
+    for values in (["1"] * count, np.zeros(count, complex), [[0.0], [0.0, 1.0]], np.zeros(count + 1), 1.0):
+        with pytest.raises(sgmds.ArgumentError, match="`values`"):
+            corr.transfer(values)
 
 
 def test_ragged_rows_are_refused_with_the_remedy(slender):

@@ -291,6 +291,13 @@ def test_what_does_not_fit_is_refused_in_words(character):
         ({"width": -1}, "`width`"),
         ({"height": 4.5}, "`height`"),
         ({"margin": -1}, "`margin`"),
+        ({"width": 2**70}, "`width`"),
+        ({"image": {(0.5, 0): image}}, r"tile \(0.5, 0\)"),
+        ({"image": {(2**40, 0): image}}, "too far out"),
+        ({"image": {"": image}}, "tile ''"),
+        ({"image": image + 0j}, "`image`"),
+        ({"target_uv": np.nan * character.uv}, "`target_uv` should be finite"),
+        ({"tangent_frames": [np.zeros((4, 3, 3))]}, "`tangent_frames` should be four"),
     ):
         wanted = {"target_uv": character.uv, "image": image, "width": 4, "height": 4} | change
         with pytest.raises(sgmds.ArgumentError, match=words):
@@ -310,6 +317,46 @@ def test_what_does_not_fit_is_refused_in_words(character):
         way.bake(character.uv, character.uv, np.zeros((4, 4, 4)), 4, 4, extension="wrap")
     with pytest.raises(sgmds.ArgumentError, match="target_triangles"):
         way.bake(character.uv, character.uv, np.zeros((4, 4, 4)), 4, 4, target_triangles=[True])
+
+
+def test_numbers_without_a_value_and_lists_of_wrong_lengths_are_refused(character):
+    vertices, faces, uv = character.vertices, character.faces, character.uv
+    way, *_ = copy_map(vertices, faces)
+    count, none = len(vertices), np.full(len(vertices), np.nan)
+    rows = np.arange(count + 1), np.zeros(count), np.ones(count), 1
+    starts, corners = polygons(faces)
+    for call, words in (
+        (lambda: way.layout(starts, corners, uv * np.nan), "`uv` should be finite"),
+        (lambda: way.seam_cuts(starts, corners, uv * np.nan), "`uv` should be finite"),
+        (lambda: way.seam_cuts(starts, corners, uv, tolerance=np.nan), "`tolerance`"),
+        (lambda: way.corner_values(starts, corners, uv, tolerance=np.inf), "`tolerance`"),
+        (lambda: way.skin_weights(*rows, prune=np.nan), "`prune`"),
+        (lambda: way.skin_weights(*rows, reject_below="x"), "`reject_below`"),
+        (
+            lambda: way.skin_weights(*rows, locked=([True], none, 0 * rows[1])),
+            "`locked sums` should be finite",
+        ),
+        (lambda: way.skin_weights(*rows, locked=([True], none)), "`locked` should be three"),
+        (lambda: way.joints([[np.nan, 0, 0]]), "`positions` should be finite"),
+        (lambda: way.joints(vertices[:1], [([0],)]), "`influence` should be a pair"),
+        (lambda: way.joints(vertices[:2], [([0], [1, 1]), ([0, 1], [1])]), r"`influence` should be \(1\)"),
+        (lambda: way.joints(vertices[:1], []), "`influence` should have 1 rows"),
+        (lambda: way.followed([[0, np.inf, 0]]), "`points` should be finite"),
+        (lambda: way.displacements([[0, 0, 0], [0, 0]]), "`offsets`"),
+    ):
+        with pytest.raises(sgmds.ArgumentError, match=words):
+            call()
+
+
+def test_a_map_leaves_the_arrays_of_its_caller_writable(character):
+    vertices, faces = character.vertices.copy(), character.faces.astype(np.int64)
+    way = sgmds.SurfaceMap(
+        (vertices, faces), (vertices, faces), np.zeros(len(vertices)), np.eye(3)[[0] * len(vertices)]
+    )
+    before = way.images
+    vertices *= 2
+    faces += 1
+    assert np.array_equal(way.images, before)
 
 
 def test_a_margin_beyond_the_image_fills_it(character):

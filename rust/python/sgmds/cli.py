@@ -270,9 +270,9 @@ def _match(options) -> int:
                 **_given(options, "part", "mirror", "threads", "seed"),
             )
     except sgmds.MeshError as error:
-        # Its words begin with the role of the mesh.
         role, _, reason = str(error).partition(": ")
-        return _fail(f"{getattr(options, role, role)}: {reason}")
+        named = role in ("source", "target")
+        return _fail(f"{getattr(options, role)}: {reason}" if named else str(error))
     corr.save(options.output)
     print(f"{options.output}: {len(corr.vertices)} vertices, {corr.quality.grade}")
     for reason in corr.quality.reasons:

@@ -121,10 +121,8 @@ class Correspondence:
 
     def transfer(self, values: ArrayLike) -> NDArray[np.float64]:
         """Carries (n_source, ...) values to (n_target, ...), linear within source triangles."""
-        values = np.asarray(values)
-        if values.ndim == 0 or len(values) != self._source_count:
-            raise ArgumentError(f"`values` should have {self._source_count} rows, got {values.shape}")
-        flat = np.ascontiguousarray(values.reshape(len(values), -1), np.float64)
+        values = checked_array("values", values, np.float64, self._source_count, ...)
+        flat = values.reshape(len(values), -1)
         carried = _core.transfer_values(self.faces, self.barycentric, self._triangles, flat)
         return carried.reshape(len(self.faces), *values.shape[1:])
 

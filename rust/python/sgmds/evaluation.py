@@ -33,7 +33,7 @@ import numpy as np
 
 from .errors import ArgumentError
 from .files import mesh_format, mesh_name, read_mesh
-from .matching import check_method
+from .matching import check_method, listed
 
 TRUTH_LINES = 400
 """Truth lines asked of a pair, spread evenly; fewer than 200 move the mean by one or two units."""
@@ -594,6 +594,9 @@ def evaluate(
     Each shape is prepared once and let go after its last pair. A pair that cannot be matched is listed in
     `failed`.
     """
+    for name in ("landmarks", "without"):
+        if name in match_options:
+            match_options[name] = listed(name, match_options[name])
     check_method(method if isinstance(method, str) else "a function", match_options)
     names = [set] if isinstance(set, str) else set
     result = Evaluation()

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from . import _core, memory
 from .correspondence import Correspondence
-from .errors import ArgumentError
+from .errors import ArgumentError, MeshError
 from .shape import Ids, Progress, Shape, checked_threads, mesh_of
 
 METHODS = ("auto", "paper", "gmds", "functional-map")
@@ -98,11 +98,14 @@ def match(
     ):
         if value not in allowed:
             raise ArgumentError(f"`{name}` should be one of {allowed}, got {value!r}")
-    operator.index(seed)
+    try:
+        operator.index(seed)
+    except TypeError:
+        raise ArgumentError(f"`seed` should be a whole number, got {seed!r}") from None
     threads = checked_threads(threads)
     sides = [_side(name, s) for name, s in (("source", source), ("target", target))]
     counts = [len(vertices) for vertices, _, _ in sides]
-    pairs, without = _pairs(landmarks, counts), _listed("without", without)
+    pairs, without = _pairs(landmarks, counts), listed("without", without)
     check_method(
         method,
         {"landmarks": pairs, "part": part, "mirror": mirror, "same_axes": same_axes, "without": without},
@@ -110,7 +113,11 @@ def match(
     source_core, target_core = (side[2] for side in sides)
     # Both are prepared at the same time.
     if unprepared := [c for c in (source_core, target_core) if not isinstance(c, _core.PreparedShape)]:
-        memory.require_to_prepare(*unprepared)
+        try:
+            memory.require_to_prepare(*unprepared)
+        except MeshError:
+            _check_each(source=source_core, target=target_core)
+            raise
     memory.require_to_match(source_core, target_core)
     raw = _core.match_pair(
         source_core,
@@ -134,13 +141,24 @@ def check_method(method: str, options: Mapping[str, Any]) -> None:
             raise ArgumentError(f'`{name}` is for the method "auto" alone: leave it out with "{method}"')
 
 
+def _check_each(**meshes: Any) -> None:
+    """Raises `MeshError` for the first mesh, prepared or not, that has no usable surface, with its name."""
+    for name, mesh in meshes.items():
+        if not isinstance(mesh, _core.PreparedShape):
+            try:
+                _core.checked_size(*mesh)
+            except MeshError as error:
+                raise MeshError(f"{name}: {error}") from error
+
+
 def _side(name: str, shape: Any) -> tuple[Any, Ids, Any]:
     """(vertices, faces, what the core takes)"""
     arrays = mesh_of(name, shape)
     return *arrays, shape._core if isinstance(shape, Shape) else arrays
 
 
-def _listed(name: str, values: Any) -> list[Any]:
+def listed(name: str, values: Any) -> list[Any]:
+    """The values of an option that is a sequence, or `ArgumentError` names it."""
     if isinstance(values, str) or not isinstance(values, Iterable):
         raise ArgumentError(f"`{name}` should be a sequence, got {values!r}")
     return list(values)
@@ -149,7 +167,7 @@ def _listed(name: str, values: Any) -> list[Any]:
 def _pairs(landmarks: Iterable[Any], counts: list[int]) -> list[tuple[int, int]]:
     pairs: list[Any] = []
     images: dict[int, int] = {}
-    for entry in _listed("landmarks", landmarks):
+    for entry in listed("landmarks", landmarks):
         try:
             pair = tuple(operator.index(v) for v in entry)
         except TypeError:

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import operator
 import os
 from collections.abc import Callable
+from types import EllipsisType
 from typing import Any, Self
 
 import numpy as np
@@ -20,6 +22,8 @@ VERSION = 3
 METRICS = ("euclidean", "scale-invariant")
 SMALLEST = 1e-140
 """Extent below which areas and eigenvalues leave the range of numbers, as they do above its inverse."""
+LARGEST_COUNT = 2**63 - 1
+"""What the core can count to."""
 PARTS = ("values", "functions", "farthest", "fields")
 
 
@@ -29,9 +33,11 @@ Progress = Callable[[str, float], bool | None]
 """Called with the stage's name and the fraction done (0…1); returning `False` cancels."""
 
 
-def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, Ids]:
-    """Own (n, 3) float64 and (m, 3) int64 arrays that are never written to, or an error that names the
-    argument."""
+def checked_mesh(vertices: ArrayLike, faces: ArrayLike, copy: bool = True) -> tuple[Floats, Ids]:
+    """Read-only (n, 3) float64 and (m, 3) int64 arrays, or an error that names the argument.
+
+    Without `copy` they may share the caller's memory: for a caller who does not keep them.
+    """
     try:
         vertices, faces = np.asarray(vertices), np.asarray(faces)
     except ValueError as error:
@@ -48,8 +54,9 @@ def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, Ids]:
         raise ArgumentError(f"`faces` should be (m, 3), got {faces.shape}; cut polygons into triangles")
     if faces.dtype.kind not in "iu":
         raise ArgumentError(f"`faces` should be integers, got {faces.dtype}")
-    # What was computed from a mesh must not change with the caller's arrays.
-    mesh = np.array(vertices, np.float64, order="C"), np.array(faces, np.int64, order="C")
+    # What was computed from a mesh must not change with the caller's arrays, nor these become read-only.
+    own = np.array if copy else np.asarray
+    mesh = own(vertices, np.float64, order="C").view(), own(faces, np.int64, order="C").view()
     for array in mesh:
         array.flags.writeable = False
     with np.errstate(over="ignore"):
@@ -59,7 +66,7 @@ def checked_mesh(vertices: ArrayLike, faces: ArrayLike) -> tuple[Floats, Ids]:
     return mesh
 
 
-def mesh_of(name: str, mesh: Any) -> tuple[Floats, Ids]:
+def mesh_of(name: str, mesh: Any, copy: bool = True) -> tuple[Floats, Ids]:
     """Vertices and faces of a `Shape` or a pair of arrays, as `checked_mesh`; errors begin with `name`."""
     if isinstance(mesh, Shape):
         return mesh.vertices, mesh.faces
@@ -68,24 +75,34 @@ def mesh_of(name: str, mesh: Any) -> tuple[Floats, Ids]:
     except (TypeError, ValueError):
         raise ArgumentError(f"`{name}` should be a Shape or (vertices, faces)") from None
     try:
-        return checked_mesh(vertices, faces)
+        return checked_mesh(vertices, faces, copy)
     except (ArgumentError, MeshError) as error:
         raise type(error)(f"{name}: {error}") from error
 
 
-def checked_array(name: str, values: ArrayLike, dtype: DTypeLike, *shape: int | None) -> NDArray[Any]:
-    """A contiguous array of the shape, in which None stands for any length, or an error that names it."""
+def checked_array(
+    name: str, values: ArrayLike, dtype: DTypeLike, *shape: int | EllipsisType | None
+) -> NDArray[Any]:
+    """A contiguous array of the shape, or an error that names it.
+
+    In the shape None stands for any length, ... at its end for any further dimensions; without a type it
+    keeps its own.
+    """
     try:
         given = np.asarray(values)
+        if given.dtype.kind not in "biufO":
+            raise TypeError(f"got {given.dtype}")
         with np.errstate(invalid="ignore"):
             array = np.ascontiguousarray(given, dtype)
     except (TypeError, ValueError, OverflowError) as error:
         raise ArgumentError(f"`{name}` should be an array of numbers: {error}") from error
+    if shape[-1:] == (...,):
+        shape = (*shape[:-1], *[None] * (array.ndim - len(shape) + 1))
     fits = array.ndim == len(shape) and all(w in (None, f) for w, f in zip(shape, array.shape, strict=False))
     if not fits:
         wanted = ", ".join("any" if length is None else str(length) for length in shape)
         raise ArgumentError(f"`{name}` should be ({wanted}), got {array.shape}")
-    if array.dtype.kind in "iu" and not np.array_equal(array, given):
+    if array.dtype.kind in "iu" and array.dtype != given.dtype and not np.array_equal(array, given):
         least = ", none below 0" if array.dtype.kind == "u" else ""
         raise ArgumentError(f"`{name}` should be whole numbers{least}")
     return array
@@ -99,7 +116,20 @@ def checked_count(name: str, value: Any, least: int = 0) -> int:
         raise ArgumentError(f"`{name}` should be a whole number, got {value!r}") from None
     if count < least:
         raise ArgumentError(f"`{name}` should be {least} or more, got {count}")
+    if count > LARGEST_COUNT:
+        raise ArgumentError(f"`{name}` should be {LARGEST_COUNT} or less, got {count}")
     return count
+
+
+def checked_number(name: str, value: Any) -> float:
+    """A finite number, or an error that names the argument."""
+    try:
+        finite = math.isfinite(value)
+    except (TypeError, OverflowError):
+        finite = False
+    if not finite:
+        raise ArgumentError(f"`{name}` should be a finite number, got {value!r}")
+    return float(value)
 
 
 def checked_threads(threads: Any) -> int | None:
@@ -246,7 +276,7 @@ class Shape:
         arrays = archive.read(path, FORMAT, VERSION, ("vertices", "faces", "metric", *PARTS))
         shape = cls.__new__(cls)
         try:
-            shape.vertices, shape.faces = checked_mesh(arrays["vertices"], arrays["faces"])
+            shape.vertices, shape.faces = checked_mesh(arrays["vertices"], arrays["faces"], copy=False)
             shape._core = _core.restore(
                 shape.vertices,
                 shape.faces,

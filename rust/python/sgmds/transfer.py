@@ -6,6 +6,7 @@ they are, in their own units and with all their parts.
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -16,10 +17,11 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .correspondence import Correspondence, check_weights
 from .errors import ArgumentError
-from .shape import Floats, Ids, Progress, Shape, checked_array, checked_count, mesh_of
+from .shape import Floats, Ids, Progress, Shape, checked_array, checked_count, checked_number, mesh_of
 
 Mesh = Shape | tuple[ArrayLike, ArrayLike]
 """A shape, or vertices (n, 3) and triangles (m, 3)."""
+_LARGEST_CELL = 2**31 - 1
 
 
 @dataclass(frozen=True)
@@ -97,6 +99,8 @@ class SurfaceMap:
     ------
     ArgumentError
         When an array has the wrong shape or values, as from all methods.
+    MeshError
+        When a mesh has no usable surface.
     """
 
     def __init__(
@@ -107,7 +111,7 @@ class SurfaceMap:
         barycentric: ArrayLike,
         confidence: ArrayLike | None = None,
     ) -> None:
-        source, target = mesh_of("source", source), mesh_of("target", target)
+        source, target = mesh_of("source", source, copy=False), mesh_of("target", target, copy=False)
         self._source_count, self._target_count = len(source[0]), len(target[0])
         self._source_triangles, self._target_triangles = len(source[1]), len(target[1])
         if confidence is None:
@@ -161,8 +165,9 @@ class SurfaceMap:
         They are turned and scaled as the map does around each vertex; `turn_only` keeps their length. A
         vertex whose image does not move stays exactly still.
         """
-        if np.ndim(offsets) == 3:
-            keys = [self.displacements(key, turn_only) for key in np.asarray(offsets)]
+        offsets = checked_array("offsets", offsets, None, ...)
+        if offsets.ndim == 3:
+            keys = [self.displacements(key, turn_only) for key in offsets]
             return np.array(keys).reshape(len(keys), self._target_count, 3)
         offsets = _finite("offsets", checked_array("offsets", offsets, np.float64, self._source_count, 3))
         return self._core.displacements(offsets, turn_only)
@@ -173,7 +178,7 @@ class SurfaceMap:
         `face_starts` (faces + 1,) and `corner_vertices` (corners,) are the target's faces. All corners of a
         face come from one island; beyond a seam they continue its chart.
         """
-        uv = checked_array("uv", uv, np.float64, self._source_triangles, 3, 2)
+        uv = _finite("uv", checked_array("uv", uv, np.float64, self._source_triangles, 3, 2))
         return Layout(*self._core.layout(*_faces(face_starts, corner_vertices), uv))
 
     def seam_cuts(
@@ -184,7 +189,8 @@ class SurfaceMap:
         Several UV maps side by side give the seams of all. After these cuts no face straddles, except where a
         seam ends within it.
         """
-        uv = checked_array("uv", uv, np.float64, self._source_triangles, 3, None)
+        uv = _finite("uv", checked_array("uv", uv, np.float64, self._source_triangles, 3, None))
+        tolerance = checked_number("tolerance", tolerance)
         return SeamCuts(**self._core.seam_cuts(*_faces(face_starts, corner_vertices), uv, tolerance))
 
     def corner_values(
@@ -201,6 +207,7 @@ class SurfaceMap:
         comes from one source corner, unmixed.
         """
         values = checked_array("values", values, np.float64, self._source_triangles, 3, None)
+        tolerance = checked_number("tolerance", tolerance)
         return self._core.corner_values(*_faces(face_starts, corner_vertices), values, tolerance, nearest)
 
     def skin_weights(
@@ -230,10 +237,14 @@ class SurfaceMap:
         group_count = checked_count("group_count", group_count)
         deforming = np.ones(group_count, bool) if deforming is None else deforming
         if locked is not None:
-            groups_locked, sums, counts = locked
+            try:
+                which, sums, counts = locked
+            except (TypeError, ValueError):
+                raise ArgumentError("`locked` should be three arrays: groups, sums and counts") from None
+            sums = checked_array("locked sums", sums, np.float64, self._target_count)
             locked = (
-                checked_array("locked groups", groups_locked, np.bool_, group_count),
-                checked_array("locked sums", sums, np.float64, self._target_count),
+                checked_array("locked groups", which, np.bool_, group_count),
+                _finite("locked sums", sums),
                 checked_array("locked counts", counts, np.uint32, self._target_count),
             )
         found = self._core.skin_weights(
@@ -242,9 +253,9 @@ class SurfaceMap:
             checked_array("weights", weights, np.float64, None),
             group_count,
             checked_array("deforming", deforming, np.bool_, group_count),
-            reject_below,
+            checked_number("reject_below", reject_below),
             checked_count("smoothing", smoothing),
-            prune,
+            checked_number("prune", prune),
             None if limit is None else checked_count("limit", limit),
             normalize,
             locked,
@@ -291,12 +302,19 @@ class SurfaceMap:
         their surroundings place the joint. Returns positions (joints, 3), rotations (joints, 3, 3), mirroring
         ones where the map mirrors, and scales (joints,) of the body there.
         """
-        positions = checked_array("positions", positions, np.float64, None, 3)
-        rows = [((), ())] * len(positions) if influence is None else influence
+        positions = _finite("positions", checked_array("positions", positions, np.float64, None, 3))
+        given = [((), ())] * len(positions) if influence is None else influence
+        try:
+            rows = [(ids, shares) for ids, shares in given]
+        except (TypeError, ValueError):
+            raise ArgumentError("`influence` should be a pair (vertices, weights) for each joint") from None
         if len(rows) != len(positions):
             raise ArgumentError(f"`influence` should have {len(positions)} rows, got {len(rows)}")
-        vertices = [checked_array("influence", row[0], np.uint32, None) for row in rows]
-        weights = [checked_array("influence", row[1], np.float64, None) for row in rows]
+        vertices = [checked_array("influence", ids, np.uint32, None) for ids, _ in rows]
+        weights = [
+            checked_array("influence", shares, np.float64, len(ids))
+            for ids, (_, shares) in zip(vertices, rows, strict=True)
+        ]
         starts = np.append(0, np.cumsum([len(row) for row in vertices])).astype(np.uint32)
         return self._core.joints(
             positions,
@@ -311,7 +329,7 @@ class SurfaceMap:
         Points with the same number in `pieces` (n,) move together, as one rigid piece of the local size, as
         eyes do; negative numbers, and all without `pieces`, leave each point to itself.
         """
-        points = checked_array("points", points, np.float64, None, 3)
+        points = _finite("points", checked_array("points", points, np.float64, None, 3))
         pieces = np.full(len(points), -1) if pieces is None else pieces
         return self._core.followed(points, checked_array("pieces", pieces, np.int64, len(points)))
 
@@ -336,10 +354,11 @@ class SurfaceMap:
 
         UVs are given at the corners of the triangles, (m, 3, 2) each; the image (h, w, 4) has its rows from
         the bottom. Tiles are given as a mapping of (column, row), the unit of UV over which each lies, to
-        images of any size; a place outside of all shows the nearest. `extension` says what shows beyond an
-        image's borders: "repeat", "mirror", "extend" or "clip". `closest` takes the nearest texel instead of
-        filtering. Numbers, which have to be finite, come through in the colour space in which they are; with
-        `straight_alpha` colours count by their alpha in a mixture. `margin` texels extend the islands.
+        images; a place outside of all shows the nearest. Images and the result have at most 8192 texels a
+        side. `extension` says what shows beyond an image's borders: "repeat", "mirror", "extend" or "clip".
+        `closest` takes the nearest texel instead of filtering. Numbers, which have to be finite, come through
+        in the colour space in which they are; with `straight_alpha` colours count by their alpha in a
+        mixture. `margin` texels extend the islands.
 
         `source_triangles` (m_source,) and `target_triangles` (m_target,) are true where a triangle has the
         texture, by default everywhere: it is looked up on those of the source alone, and baked over those of
@@ -351,8 +370,10 @@ class SurfaceMap:
         frames = None
         if tangent_frames is not None:
             names = ("source normals", "source tangents", "target normals", "target tangents")
+            if not isinstance(tangent_frames, Sequence) or len(tangent_frames) != len(names):
+                raise ArgumentError(f"`tangent_frames` should be four arrays: {', '.join(names)}")
             frames = [
-                checked_array(name, values, np.float64, None, 3, 3 if "normals" in name else 4)
+                _finite(name, checked_array(name, values, np.float64, None, 3, 3 if "normals" in name else 4))
                 for name, values in zip(names, tangent_frames, strict=True)
             ]
         tiles = image if isinstance(image, Mapping) else {(0, 0): image}
@@ -363,11 +384,13 @@ class SurfaceMap:
                 ("target_triangles", target_triangles, self._target_triangles),
             )
         ]
+        source_uv = checked_array("source_uv", source_uv, np.float64, self._source_triangles, 3, 2)
+        target_uv = checked_array("target_uv", target_uv, np.float64, self._target_triangles, 3, 2)
         pixels, _ = self._core.bake(
-            checked_array("source_uv", source_uv, np.float64, self._source_triangles, 3, 2),
-            checked_array("target_uv", target_uv, np.float64, self._target_triangles, 3, 2),
+            _finite("source_uv", source_uv),
+            _finite("target_uv", target_uv),
             [
-                (cell, _finite("image", checked_array("image", pixels, np.float32, None, None, 4)))
+                (_cell(cell), _finite("image", checked_array("image", pixels, np.float32, None, None, 4)))
                 for cell, pixels in tiles.items()
             ],
             width,
@@ -394,6 +417,16 @@ def _faces(starts: ArrayLike, vertices: ArrayLike) -> tuple[Ids, Ids]:
         checked_array("face_starts", starts, np.int64, None),
         checked_array("corner_vertices", vertices, np.int64, None),
     )
+
+
+def _cell(tile: Any) -> tuple[int, int]:
+    try:
+        column, row = (operator.index(number) for number in tile)
+    except (TypeError, ValueError):
+        raise ArgumentError(f"tile {tile!r} should be (column, row), two whole numbers") from None
+    if max(abs(column), abs(row)) > _LARGEST_CELL:
+        raise ArgumentError(f"tile {tile!r} lies too far out")
+    return column, row
 
 
 def _finite(name: str, array: NDArray[Any]) -> NDArray[Any]:
