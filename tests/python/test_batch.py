@@ -395,6 +395,7 @@ def test_no_scheduler_is_one_line(meshes, cache, tmp_path, capsys, monkeypatch):
 
 # Manifests.
 
+EVERYONE = "all_against_all = '*.off'\n"
 PAIR = "[[pairs]]\nsource = 'ant.off'\ntarget = 'bee.off'\n"
 
 
@@ -424,6 +425,8 @@ def read(tmp_path, text, **more):
         ("[[pairs]]\nsource = 'ant.off'\ntarget = '*.off'\nlandmarks = [[1, 2]]", "not to patterns"),
         ("[[pairs]]\nsource = 'ant.off'\ntarget = 'bee.off'\nlandmarks = [[1, 'x']]", "landmarks are"),
         ("[[pairs]]\nsource = 'ant.off'\ntarget = 'bee.off'\nmap = '../../x.npz'", "leads out"),
+        (EVERYONE + "maps = '../../{source}--{target}.npz'\n" + PAIR + "map = 'own.npz'", "leads out"),
+        (EVERYONE + PAIR + "map = 'maps/bee--ant.npz'", "two maps would be written"),
         ("[[pairs]]\nsource = 'ant.off'\ntarget = 'ant.off'", "itself"),
         ("all_against_all = '*.off'\nmaps = '{source.name}-{target}.npz'", "only"),
         (2 * (PAIR + "landmarks = [[1, 2]]\n") + PAIR, "ant to bee is listed twice"),

@@ -104,7 +104,7 @@ def _obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
                     raise ValueError("a face has three corners or more")
                 polygons.append(ids)
         except (ValueError, IndexError) as error:
-            raise ValueError(f"line {number} is not understood") from error
+            raise ValueError(f"line {number} is not understood: {error}") from error
     vertices = np.array(positions, dtype=np.float64).reshape(-1, 3)
     return vertices, _triangulated(vertices, polygons)
 
@@ -192,9 +192,9 @@ def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
 def _check_off_is_whole(data: bytes) -> None:
     """Raises `ValueError` when faces that the header announces are missing: the reader takes those there."""
     after_name = re.split(rb"OFF", re.sub(rb"#[^\r\n]*", b"", data), maxsplit=1)[1]
-    lines = [words for words in map(bytes.split, after_name.splitlines()) if words]
-    vertices, announced = int(lines[0][0]), int(lines[0][1])
-    faces = lines[1 + vertices : 1 + vertices + announced]
+    lines = (line for line in io.BytesIO(after_name.replace(b"\r", b"\n")) if not line.isspace())
+    vertices, announced = map(int, next(lines, b"").split()[:2])
+    faces = map(bytes.split, itertools.islice(lines, vertices, vertices + announced))
     whole = sum(len(words) > int(words[0]) for words in faces)
     if whole < announced:
         raise ValueError(f"its header announces {announced} faces, {whole} are there; it may be cut short")

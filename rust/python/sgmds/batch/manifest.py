@@ -307,11 +307,16 @@ def _check_places(batch: Batch, anywhere: bool):
     one_by_one = [*batch.listed, *batch.own.values()]
     probes = list(one_by_one)
     if batch.everyone:
-        probes.append(batch.pair(0))
+        probes.append(Pair(0, 1, batch._map(batch.map_name, 0, 1)))
     for place in {pair.map for pair in probes if pair.map is not None}:
         within(batch.folder, place, anywhere)
         if place.resolve() in inputs:
             raise ArgumentError(f"{place} is an input: choose another name for the map")
     twice = [place for place, count in Counter(p.map for p in one_by_one if p.map).items() if count > 1]
+    named = {p.map for p in one_by_one if p.map != batch._map(batch.map_name, p.source, p.target)}
+    if named:
+        square = range(len(batch) - len(batch.listed))
+        others = (batch.pair(n).map for n in square if n not in batch.own)
+        twice += [place for place in others if place and place in named]
     if twice:
         raise ArgumentError(f"two maps would be written to {twice[0]}: choose another name for one")
