@@ -79,7 +79,8 @@ def _place(source, material, groups, node):
     if not socket.links:
         return _shown_uv(source.data), placing
     while True:
-        link = next((link for link in socket.links if not link.is_muted), None)
+        # Blender keeps links that close a circle, as invalid ones.
+        link = next((link for link in socket.links if link.is_valid and not link.is_muted), None)
         if link is None:
             raise _without_uv(material, node, f"by the fixed value of '{socket.node.name}'")
         before, out = link.from_node, link.from_socket

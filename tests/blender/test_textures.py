@@ -255,6 +255,13 @@ def moving(body):
     body.image.source = "SEQUENCE"
 
 
+def by_a_circle(body):
+    mapping, reroute = body.mapping(), body.nodes.new("NodeReroute")
+    body.chain(mapping)
+    body.links.new(mapping.outputs["Vector"], reroute.inputs[0])
+    body.links.new(reroute.outputs[0], mapping.inputs["Vector"])
+
+
 def in_object_space(body):
     normal_map = body.nodes.new("ShaderNodeNormalMap")
     normal_map.space = "OBJECT"
@@ -266,6 +273,7 @@ def in_object_space(body):
     [
         (box, "'Paint' of material 'Painted' is laid on by Box projection"),
         (by_generated_place, "'Paint' of material 'Painted' is laid on by Generated of 'Texture Coordinate'"),
+        (by_a_circle, "'Paint' of material 'Painted' is laid on by the fixed value of"),
         (moving, "'Paint' has frames"),
         (in_object_space, "'Paint' of material 'Painted' holds normals that are not in Tangent space"),
     ],
