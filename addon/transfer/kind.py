@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A sort of data that can be carried over, declared once for panels, operators and scripts."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 
@@ -11,10 +11,13 @@ def _nothing():
 
 @dataclass(frozen=True)
 class Prepared:
-    """Data ready on the other side: `write` puts it onto the target, `notes` need the artist's attention."""
+    """Data ready on the other side: `write` puts it onto the target, `notes` need the artist's attention.
+
+    `write` may add a note about what shows only then.
+    """
 
     write: Callable[[], None] = _nothing
-    notes: tuple[str, ...] = ()
+    notes: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -14,12 +14,15 @@ from .armatures import MADE_FROM
 from .image_nodes import image_nodes, laid, normal_maps
 from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
 from .kind import Kind, Prepared
+from .normals import corner_normals
 from .uv_maps import read_uv
 
 LARGEST_TRIANGULATED = 4
 TILE_ROWS = 100
 # A layout that reaches into the next unit of UV by less than this does not need its tile.
 BEYOND = 1e-4
+# Corner normals that differ by less are the same in a normal map of 8 bits.
+NORMAL_STEP = 1.0 / 255.0
 
 
 def names(source):
@@ -52,6 +55,7 @@ def prepare(route, wanted, options):
                 notes.append(str(reason))
     if not baked and not any(others for kind, others in route.wanted.items() if kind != KIND.identifier):
         raise UnusableObjectError(" ".join(notes))
+    shading = corner_normals(route.target.data)
     if options.bake_material:
         notes += _unseen(route, uses, baked)
 
@@ -63,8 +67,10 @@ def prepare(route, wanted, options):
         for image in images.values():
             # Without a user it would not be saved.
             image.use_fake_user = not image.users
+        # Marks and custom normals are written before.
+        notes.extend(_shaded_anew(route, baked, shading))
 
-    return Prepared(write, tuple(notes))
+    return Prepared(write, notes)
 
 
 def _uses(source, wanted, notes):
@@ -120,8 +126,13 @@ def is_made_from(material, original, target):
 
 
 def _layout_name(route, options):
-    active = route.target.data.uv_layers.active
-    return options.bake_uv or (active.name if active else "")
+    """The UV map to bake into: as chosen, else the active one, or the first that no carried one replaces."""
+    layers, carried = route.target.data.uv_layers, route.wanted.get("uv", ())
+    if options.bake_uv or layers.active is None:
+        return options.bake_uv
+    if layers.active.name not in carried:
+        return layers.active.name
+    return next((layer.name for layer in layers if layer.name not in carried), layers.active.name)
 
 
 def _takes_over_layout(route, options):
@@ -260,6 +271,17 @@ def _tangent_frames(obj, uv, triangle_corners):
     return normal.reshape(-1, 3)[triangle_corners], tangents[triangle_corners]
 
 
+def _shaded_anew(route, baked, shading):
+    """Words about normal maps that were baked to another `shading` than what the target has by now."""
+    images = sorted({f"'{use.image.name}'" for use in baked if use.normals is not None})
+    if not images or np.abs(corner_normals(route.target.data) - shading).max() < NORMAL_STEP:
+        return []
+    return [
+        f"Normal maps baked from {', '.join(images)} fit the shading that '{route.target.name}' had before "
+        "sharp edges or custom normals came with them. Transfer Textures once more"
+    ]
+
+
 def _unseen(route, uses, baked):
     """Words about baked images that no material of the target will show."""
     slots = route.target.material_slots
@@ -372,7 +394,9 @@ KIND = Kind(
     prepare,
     {
         "bake_uv": StringProperty(
-            name="UV Map", description="UV map of the target to bake into. Empty: the active one"
+            name="UV Map",
+            description="UV map of the target to bake into. Empty: the active one, or the first other one "
+            "where the source's comes in its place",
         ),
         "bake_size": EnumProperty(
             name="Size",

@@ -12,7 +12,7 @@ from test_transfer import transfer
 from test_transfer_kinds import give_texture, photo, psnr, store_copy, uv_cube
 
 from addon import mesh_read, notice
-from addon.mesh_write import read_attribute
+from addon.mesh_write import read_attribute, write_attribute
 from addon.transfer.uv_maps import read_uv
 
 
@@ -140,6 +140,15 @@ def test_textures_together_with_uv_maps_show_the_same_picture(body, name):
     baked = body.baked() != [body.image]
     assert baked == (name == "Own")
     assert baked != ("were not baked" in notice.words)
+
+
+def test_carrying_uv_maps_and_textures_twice_is_carrying_them_once(body):
+    """The carried map is the active one in the second run; the bake stays in the target's own."""
+    for _ in range(2):
+        transfer(body.source, body.target, kinds="uv,materials,textures")
+        assert body.target.data.uv_layers.active.name == "UVMap"
+        assert body.baked() != [body.image]
+        assert body.likeness() > SAME
 
 
 def test_a_map_that_the_source_s_comes_over_shows_no_bake_any_more(body):
@@ -490,6 +499,21 @@ def test_a_normal_map_is_known_through_the_nodes_on_its_way(body, link, is_turne
     np.testing.assert_allclose(found, expected, atol=1.01 / 255)
     copy = body.target.material_slots[0].material.node_tree.nodes[normal_map.name]
     assert copy.uv_map == "Own"
+
+
+def test_a_shading_that_changes_with_the_bake_is_told_of(body):
+    """Marks are written after normal maps were baked to the shading as it was."""
+    normal_map = body.nodes.new("ShaderNodeNormalMap")
+    body.links.new(body.node.outputs["Color"], normal_map.inputs["Color"])
+    for obj in (body.source, body.target):
+        obj.data.shade_smooth()
+    told = []
+    for name in ("uv_seam", "sharp_edge"):
+        write_attribute(body.source.data, name, "BOOLEAN", "EDGE", np.ones(len(body.source.data.edges), bool))
+        for _ in range(2):
+            transfer(body.source, body.target, kinds="marks,textures")
+            told.append("fit the shading that 'Target' had before" in notice.words)
+    assert told == [False, False, True, False]
 
 
 def test_what_the_artist_made_under_the_same_name_stays(body):
