@@ -21,6 +21,7 @@ from . import (
 from .kind import Kind, Prepared
 from .redirect import redirect
 from .route import Route
+from .sides import names_on_target
 
 __all__ = ["KINDS", "Kind", "Prepared", "TransferChoice", "TransferOptions", "carry_all", "checked"]
 
@@ -88,7 +89,7 @@ def carry_all(target, options, chosen):
     wanted = {
         kind.identifier: [name for name in kind.names(route.source) if chosen(kind, name)] for kind in KINDS
     }
-    _check_twins(route, wanted)
+    _check_twins(route, wanted, options)
     with seam_splits.split(route, wanted[uv_maps.KIND.identifier], options) as (route, notes):
         route.wanted = wanted
         prepared = [
@@ -102,15 +103,16 @@ def carry_all(target, options, chosen):
     return notes + [note for part in prepared for note in part.notes]
 
 
-def _check_twins(route, wanted):
+def _check_twins(route, wanted, options):
     """Raise `UnusableObjectError` for a vertex group and an attribute of one name.
 
     Blender makes the group beside the attribute, but no attribute beside the group, which is written first.
     """
     layers = wanted[colours.KIND.identifier] + wanted[attributes.KIND.identifier]
-    for name in wanted[vertex_groups.KIND.identifier]:
+    groups, _ = names_on_target(wanted[vertex_groups.KIND.identifier], options)
+    for name in groups.values():
         if name in layers and name not in route.target.data.attributes:
             raise UnusableObjectError(
-                f"'{route.source.name}' has both a vertex group and an attribute named '{name}', which "
+                f"'{route.source.name}' brings both a vertex group and an attribute named '{name}', which "
                 f"'{route.target.name}' cannot get at once. Rename one of the two"
             )

@@ -1060,6 +1060,12 @@ def test_names_are_mirrored_on_request(scene):
     store_identity(source, target)
     transfer(source, target, kinds="groups", mirror_names=True)
     assert weights_of(target) == {(1, "Hand.R"): 1.0}
+    # What counts is the name that a group gets on the target.
+    source.data.attributes.new("Hand.R", "FLOAT", "POINT")
+    target.vertex_groups.clear()
+    with pytest.raises(RuntimeError, match="both a vertex group and an attribute named 'Hand.R'"):
+        transfer(source, target, kinds="groups,attributes", mirror_names=True)
+    assert not target.vertex_groups
 
 
 def test_rejected_vertices_are_filled_and_shown(scene):
