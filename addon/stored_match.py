@@ -79,7 +79,7 @@ def current_fingerprint(mesh):
 def matched_elsewhere(target, source):
     """What to do where `target` was matched with another source than the one chosen, else ""."""
     own = target.spectral_match_source
-    if source in (None, own) or own is None:
+    if source in (None, own) or not pair.is_there(own):
         return ""
     return f"'{target.name}' was matched with '{own.name}': match again or choose that one as source"
 

@@ -433,6 +433,12 @@ def test_rematch_after_an_edit(pair):
 def test_lost_source_is_said(pair):
     source, target, _ = pair
     match()
+    # As Blender deletes it: the target still refers to it.
+    bpy.context.scene.collection.objects.unlink(source)
+    other = bpy.data.objects.new("Other", source.data)
+    bpy.context.scene.collection.objects.link(other)
+    assert stored_match.state(target, other).code == stored_match.LOST
+    assert stored_match.matched_elsewhere(target, other) == ""
     bpy.data.objects.remove(source)
     assert stored_match.state(target).code == stored_match.LOST
 
