@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Custom normals, turned as the map turns the surface around each vertex."""
 
+import bpy
 import numpy as np
 
 from .kind import Kind, Prepared
@@ -22,9 +23,10 @@ def prepare(route, _wanted, _options):
 
 
 def _write(mesh, normals):
-    # Those of another domain would stay, unseen by what Blender then sets.
+    # Since 4.5 custom normals are kept in this attribute: those of another domain would stay, unseen by what
+    # Blender then sets. Before, an attribute of that name is the artist's.
     own = mesh.attributes.get("custom_normal")
-    if own is not None:
+    if own is not None and bpy.app.version >= (4, 5):
         mesh.attributes.remove(own)
     mesh.normals_split_custom_set(normals.tolist())
 
