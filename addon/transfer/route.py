@@ -24,10 +24,9 @@ class Route:
 
     def __init__(self, target):
         mesh_read.check_usable(target, as_target=True)
-        stored = stored_match.require(target)
+        stored_match.require(target)
         self.source, self.target = target.spectral_match_source, target
         self.wanted = {}
-        self.swapped_sides = stored.swapped_sides
         self.triangle_corners, self.triangle_faces = mesh_read.triangle_corners(self.source.data)
         self.triangles = mesh_read.corner_vertices(self.source.data)[self.triangle_corners]
         self.faces = mesh_read.face_starts(target.data), mesh_read.corner_vertices(target.data)
