@@ -42,6 +42,23 @@ def image_nodes(material):
     return list(walk(material.node_tree, ())) if material is not None and material.node_tree else []
 
 
+def images(materials):
+    """Images of the materials' nodes; a node group is read once however often it is used."""
+    found, seen = set(), set()
+    trees = [material.node_tree for material in materials if material.node_tree]
+    while trees:
+        tree = trees.pop()
+        if tree in seen:
+            continue
+        seen.add(tree)
+        for node in tree.nodes:
+            if node.type == "TEX_IMAGE" and node.image is not None:
+                found.add(node.image)
+            elif node.type == "GROUP" and node.node_tree is not None:
+                trees.append(node.node_tree)
+    return found
+
+
 def laid(source, material, groups, node):
     """How the node lays its image onto `source`; raises `UnusableObjectError` where no UV map does it."""
     if not source.data.uv_layers:

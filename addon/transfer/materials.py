@@ -4,21 +4,17 @@
 import numpy as np
 
 from .kind import Kind, Prepared
-from .textures import is_made_from
+from .textures import is_made_from, slot_name
 
 
 def names(source):
-    return [_name(slot, place) for place, slot in enumerate(source.material_slots)]
-
-
-def _name(slot, place):
-    return slot.material.name if slot.material else f"Empty Slot {place + 1}"
+    return [slot_name(slot, place) for place, slot in enumerate(source.material_slots)]
 
 
 def prepare(route, wanted, _options):
     slots = route.source.material_slots
     label = route.carried_slots
-    chosen = [place for place, slot in enumerate(slots) if _name(slot, place) in wanted]
+    chosen = [place for place, slot in enumerate(slots) if slot_name(slot, place) in wanted]
 
     def write():
         # Looked for among what the object shows: a slot may be linked to it instead of to its mesh.

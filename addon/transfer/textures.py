@@ -11,7 +11,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 from .. import core, mesh_read
 from ..mesh_read import UnusableObjectError
 from .armatures import MADE_FROM
-from .image_nodes import image_nodes, laid, normal_maps
+from .image_nodes import image_nodes, images, laid, normal_maps
 from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
 from .kind import Kind, Prepared
 from .normals import corner_normals
@@ -26,7 +26,7 @@ NORMAL_STEP = 1.0 / 255.0
 
 
 def names(source):
-    return sorted({node.image.name for material in _materials(source) for _, node in image_nodes(material)})
+    return sorted({image.name for image in images(_materials(source))})
 
 
 def _materials(source):
@@ -53,6 +53,8 @@ def prepare(route, wanted, options):
                 baked[use] = _bake(route, use, materials, target_uv, options)
             except UnusableObjectError as reason:
                 notes.append(str(reason))
+    # An image that several nodes or materials lay on in the same way is told of once.
+    notes = list(dict.fromkeys(notes))
     if not baked and not any(others for kind, others in route.wanted.items() if kind != KIND.identifier):
         raise UnusableObjectError(" ".join(notes))
     shading = corner_normals(route.target.data)
@@ -123,6 +125,11 @@ def is_made_from(material, original, target):
     if material is None or original is None:
         return material == original
     return material == original or material.get(MADE_FROM) == made_title(original, target)
+
+
+def slot_name(slot, place):
+    """What an artist chooses the source's slot by, the empty one too."""
+    return slot.material.name if slot.material else f"Empty Slot {place + 1}"
 
 
 def _layout_name(route, options):
@@ -237,15 +244,16 @@ def _green_turned(pixels):
 
 def _slots_shown(route):
     """The source's slot that each triangle of the source, and of the target, shows: (m,) each."""
-    slot = route.carried_slots
-    if not route.wanted.get("materials"):
-        # The target keeps its slots: those with a material of the source show that one.
-        slot = slot.copy()
-        own = mesh_read.slots_shown(route.target)
-        for at, held in enumerate(route.target.material_slots):
-            for place, given in enumerate(route.source.material_slots):
-                if is_made_from(held.material, given.material, route.target):
-                    slot[own == at] = place
+    carried, chosen = route.carried_slots, route.wanted.get("materials", ())
+    slot, own = carried.copy(), mesh_read.slots_shown(route.target)
+    # Where the target keeps its slots, those with a material of the source show that one.
+    for at, held in enumerate(route.target.material_slots):
+        for place, given in enumerate(route.source.material_slots):
+            if is_made_from(held.material, given.material, route.target):
+                slot[own == at] = place
+    for place, given in enumerate(route.source.material_slots):
+        if slot_name(given, place) in chosen:
+            slot[carried == place] = place
     return mesh_read.slots_shown(route.source)[route.triangle_faces], slot[route.target_triangle_faces]
 
 
@@ -307,7 +315,7 @@ def _fill_slots(route):
     if not route.target.material_slots:
         for slot in route.source.material_slots:
             route.target.data.materials.append(slot.material)
-        route.target.data.polygons.foreach_set("material_index", route.carried_slots)
+        route.target.data.polygons.foreach_set("material_index", route.carried_slots.astype(np.int32))
 
 
 def _show_originals(route, options):

@@ -516,6 +516,33 @@ def test_a_shading_that_changes_with_the_bake_is_told_of(body):
     assert told == [False, False, True, False]
 
 
+def test_faces_of_materials_that_stay_are_baked_as_they_show(body):
+    """The second material alone is carried: the target's faces of the first one keep what they show."""
+    material = body.material.copy()
+    material.name = "Second"
+    image = bpy.data.images.new("Other", 8, 8)
+    material.node_tree.nodes[body.node.name].image = image
+    body.source.data.materials.append(material)
+    index = (np.arange(len(body.source.data.polygons)) % 2).astype(np.int32)
+    body.source.data.polygons.foreach_set("material_index", index)
+    for held in (body.material, material):
+        body.target.data.materials.append(held)
+    body.target.data.polygons.foreach_set("material_index", np.ones_like(index))
+    transfer(body.source, body.target, kinds="textures", items="materials/Second")
+    np.testing.assert_array_equal(mesh_read.slots_shown(body.target), 1)
+    assert "No face of 'Target' shows image 'Paint'" in notice.words
+
+
+def test_what_cannot_be_baked_is_said_once(body):
+    """One image through two nodes that lay it on differently; the other image is baked."""
+    again, other = (body.nodes.new("ShaderNodeTexImage") for _ in range(2))
+    again.image, again.extension = body.image, "CLIP"
+    other.image = bpy.data.images.new("Other", 8, 8)
+    body.image.source = "SEQUENCE"
+    transfer(body.source, body.target, kinds="textures")
+    assert notice.words.count("'Paint' has frames") == 1
+
+
 def test_what_the_artist_made_under_the_same_name_stays(body):
     image, material = bpy.data.images.new("Paint Target", 8, 8), bpy.data.materials.new("Painted Target")
     image["own"] = material["own"] = True
