@@ -12,14 +12,20 @@ def names(source):
 
 
 def prepare(route, _wanted, _options):
-    given = corner_normals(route.source.data).astype(np.float64)
+    # Where coordinates are stretched, what stands on the surface shrinks.
+    given = _unit(corner_normals(route.source.data) @ np.linalg.inv(route.source_stretch))
     carried = route.map.corner_values(*route.faces, given[route.triangle_corners])
-    turn, _ = route.map.frames
-    carried = np.einsum("cij,cj->ci", turn[route.faces[1]], carried)
-    # Blender wants unit length; where opposite ones cancel out, zero stands for the surface's own normal.
-    length = np.linalg.norm(carried, axis=1, keepdims=True)
-    carried = np.divide(carried, length, out=np.zeros_like(carried), where=length > 0.0)
+    turn, _ = route.map_as_seen.frames
+    carried = _unit(np.einsum("cij,cj->ci", turn[route.faces[1]], carried) @ route.target_stretch)
     return Prepared(lambda: _write(route.target.data, carried))
+
+
+def _unit(normals):
+    """Normals of unit length, as Blender wants them. Where opposite ones cancelled out, zero stands for the
+    surface's own.
+    """
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
 
 
 def _write(mesh, normals):

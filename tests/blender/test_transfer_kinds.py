@@ -721,6 +721,38 @@ def test_uneven_scales_change_nothing_in_the_world(copies):
     np.testing.assert_allclose(seen, turned(eye_points), atol=1e-5)
 
 
+def test_custom_normals_are_carried_as_uneven_scales_show_them(copies):
+    source, target, old, rotation = copies
+    lean = np.random.default_rng(10).normal(size=(len(source.data.vertices), 3)) * 0.2
+    given = np.array([vertex.normal for vertex in source.data.vertices]) + lean
+    given /= np.linalg.norm(given, axis=1, keepdims=True)
+
+    def at_corners(obj, normals):
+        return normals[mesh_read.corner_vertices(obj.data)]
+
+    def unit(normals):
+        return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+
+    def rounded(obj, normals):
+        """Set the normals seen at the vertices; how far off they are as Blender keeps them."""
+        obj.data.normals_split_custom_set_from_vertices(unit(normals * obj.scale).tolist())
+        return np.linalg.norm(seen(obj) - at_corners(obj, normals), axis=1).max()
+
+    def seen(obj):
+        return unit(corner_normals(obj.data) / obj.scale)
+
+    for obj, scale in ((source, (1.0, 2.0, 0.5)), (target, (0.5, 0.7, 1.5))):
+        obj.data.vertices.foreach_set("co", (mesh_read.positions(obj.data) / np.float32(scale)).ravel())
+        obj.scale = scale
+    bpy.context.view_layer.update()
+    store_copy(source, target, old)
+    expected = given[old] @ rotation.T
+    rounding = rounded(source, given) + rounded(target, expected)
+    transfer(source, target, kinds="normals")
+    found = seen(target)
+    assert np.linalg.norm(found - at_corners(target, expected), axis=1).max() < 2 * rounding < 0.02
+
+
 def copies_of(name):
     return [obj for obj in bpy.data.objects if obj.get("spectral_match_made_from") == name]
 
