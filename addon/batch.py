@@ -17,6 +17,7 @@ from .mesh_read import UnusableObjectError, value_of
 from .operators.carry import carry
 from .operators.match import reading, store
 from .transfer import KINDS, companions
+from .transfer.armatures import MADE_FROM
 
 DEFAULT_OUTPUT = "{file}.blend"
 POLL_SECONDS = 0.1
@@ -259,7 +260,8 @@ def _pairs(context, job, request, pairing, brought):
     for pattern in pairing.targets:
         try:
             source = _source(context, job, pairing.source, brought, with_objects)
-            targets = _targets(context, pattern, [source, *_came(brought)])
+            hanging = companions.hanging(source) if with_objects else []
+            targets = _targets(context, pattern, [source, *_came(brought)], hanging)
         except (UnusableObjectError, RuntimeError, OSError) as reason:
             missing = {"source": pairing.source, "target": pattern, "status": "failed", "notes": []}
             missing["reason"] = " ".join(str(reason).split())
@@ -312,11 +314,18 @@ def _remove(brought):
             bpy.data.meshes.remove(mesh)
 
 
-def _targets(context, pattern, sources):
-    """Mesh objects that the pattern means; `sources` are left out."""
+def _targets(context, pattern, sources, hanging):
+    """Mesh objects that the pattern means; `sources` are left out.
+
+    Wildcards mean neither what the source brings along (`hanging`) nor what was made for a target from that.
+    """
     candidates = [obj for obj in context.view_layer.objects if obj.type == "MESH" and obj not in sources]
     named = [obj for obj in candidates if obj.name == pattern]
-    named = named or [obj for obj in candidates if fnmatchcase(obj.name, pattern)]
+    named = named or [
+        obj
+        for obj in candidates
+        if fnmatchcase(obj.name, pattern) and MADE_FROM not in obj and obj not in hanging
+    ]
     if not named:
         raise UnusableObjectError(f"There is no mesh named '{pattern}' in the view layer of this file")
     return named

@@ -70,6 +70,29 @@ def test_objects_of_a_source_file_come_along_and_leave_again(files, tmp_path):
     np.testing.assert_allclose(found, expected, atol=5e-3)
 
 
+def test_wildcards_leave_out_what_is_made_on_the_way(known, tmp_path):
+    """Neither the source's eye nor its copy on the first target is a target of the second pattern."""
+    source, _, _ = known
+    eye = new_object("Eye", 0.08 * lumpy(3)[0] + (0.3, 0.4, 0.9), lumpy(3)[1])
+    eye.parent = source
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "cast.blend"))
+    given = manifest(
+        tmp_path,
+        """
+        output = "out"
+        transfer = ["objects"]
+        [[jobs]]
+        files = "cast.blend"
+        source = "Source"
+        targets = ["Target", "*"]
+        """,
+    )
+    report = tmp_path / "report.json"
+    assert command_line.run(["transfer", *given, "--json", str(report)]) == 0
+    (done,) = json.loads(report.read_text())["files"]
+    assert [pair["target"] for pair in done["pairs"]] == ["Target", "Second"]
+
+
 def written(folder):
     return {path.name: path.stat().st_mtime_ns for path in folder.rglob("*")}
 
