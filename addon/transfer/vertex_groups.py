@@ -108,7 +108,8 @@ def _locked(route, own, locked):
     """What the target's locked deforming groups hold: which of ours they are, sum and number a vertex."""
     target = route.target
     held = np.array([group.lock_weight for group in target.vertex_groups], bool)
-    held &= _deforming(route.source, [group.name for group in target.vertex_groups])
+    bones = _bones(route.source) | _bones(target)
+    held &= np.array([bones.get(group.name, not bones) for group in target.vertex_groups], bool)
     vertex, group, weight = own
     used = held[group]
     count = len(route.target_points)

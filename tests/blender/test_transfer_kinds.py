@@ -1056,6 +1056,31 @@ def test_locked_groups_and_masked_vertices_keep_what_they_have(scene):
     assert (50, "B") in weights_of(target)
 
 
+def test_locked_groups_of_bones_of_the_target_alone_count_too(scene):
+    """A locked group of a bone that only the target has; with a rig to ask, a locked mask does not count."""
+    source = ball("Source", 16, 8)
+    count = len(source.data.vertices)
+    target = without_data(source, "Target")
+    from test_transfer import store_identity
+
+    store_identity(source, target)
+    for obj, bone in ((source, "Arm"), (target, "Tail")):
+        rig = bpy.data.objects.new(bone, bpy.data.armatures.new(bone))
+        bpy.context.collection.objects.link(rig)
+        add_bone(rig, bone, (0, 0, 0), (0, 0, 1))
+        rig.data.bones[bone].use_deform = True
+        obj.modifiers.new(bone, "ARMATURE").object = rig
+    source.vertex_groups.new(name="Arm").add(range(count), 1.0, "REPLACE")
+    for name, weight in (("Tail", 0.4), ("Mask", 0.5)):
+        target.vertex_groups.new(name=name).add(range(count), weight, "REPLACE")
+        target.vertex_groups[name].lock_weight = True
+    for _ in range(2):
+        transfer(source, target, kinds="groups")
+        assert weights_of(target)[0, "Arm"] == pytest.approx(0.6)
+        # Without a rig of the source the target's is asked.
+        source.modifiers.clear()
+
+
 def test_weights_of_other_bones_are_told_of(copies):
     """The target still hangs on a bone that is not carried, in a group that is not locked."""
     source, target, _, _ = copies
