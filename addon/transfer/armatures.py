@@ -9,11 +9,13 @@ from mathutils import Matrix, Vector
 
 from ..mesh_read import UnusableObjectError
 from .kind import Kind, Prepared
-from .sides import names_on_target, rename
+from .sides import actions_of, name_on_target, names_on_target, own_actions, rename
 from .vertex_groups import read_weights
 
-# On the armature data of a fitted rig, and on the copy of a companion: the name of what it was made from.
+# On what is made for a target (the armature data of a rig, a companion, a material, an image): from what.
 MADE_FROM = "spectral_match_made_from"
+# On a fitted rig and on the copy of a companion: the target, which a duplicate of the target is not.
+MADE_FOR = "spectral_match_made_for"
 # Ends of bones nearer than this share of the rig's size are one joint.
 SAME_JOINT = 1e-5
 # Blender deletes bones up to 1e-6 long.
@@ -61,7 +63,7 @@ def prepare(route, wanted, options):
 
     def write():
         for rig, named, joints, ends in fitted:
-            _write(route, rig, named, joints, ends)
+            _write(route, rig, named, joints, ends, options)
 
     return Prepared(write, tuple(notes))
 
@@ -103,9 +105,9 @@ def _influence(source, bones, joint):
     return rows
 
 
-def _write(route, rig, named, fitted, ends):
+def _write(route, rig, named, fitted, ends, options):
     positions, turns, scales = fitted
-    own = _own_rig(route, rig, named)
+    own = _own_rig(route, rig, named, options)
     place = own.matrix_world.inverted() @ route.target_to_world
     # The source rig's axes as directions on the source's surface.
     axes = (route.source_to_world.inverted_safe() @ rig.matrix_world).to_3x3()
@@ -131,15 +133,20 @@ def _write(route, rig, named, fitted, ends):
             grown = bone.length / before if before > 0.0 else scale
             for radius in ("head_radius", "tail_radius", "envelope_distance"):
                 setattr(bone, radius, getattr(bone, radius) * grown)
-    _fit_constraints(rig, own, named)
 
 
 def fitted_rig(target, rig):
     """The target's rig that was made from `rig` before, or None."""
-    return next((m.object for m in _modifiers(target) if m.object.data.get(MADE_FROM) == rig.name), None)
+    made = _made_from(target, rig)
+    return next((own for own in made if own.get(MADE_FOR) in (None, target)), None)
 
 
-def _own_rig(route, rig, named):
+def _made_from(target, rig):
+    """Rigs on the target made from `rig`; those of another target if this is its duplicate."""
+    return [m.object for m in _modifiers(target) if m.object.data.get(MADE_FROM) == rig.name]
+
+
+def _own_rig(route, rig, named, options):
     """The target's rig made from `rig` before, or a copy of it that deforms the target."""
     target = route.target
     before = fitted_rig(target, rig)
@@ -148,21 +155,22 @@ def _own_rig(route, rig, named):
     own = rig.copy()
     own.data = rig.data.copy()
     own.name = own.data.name = f"{rig.name} {target.name}"
-    own.data[MADE_FROM] = rig.name
+    own.data[MADE_FROM], own[MADE_FOR] = rig.name, target
     own.parent = None
     hold_still(own)
     # Before the target hangs on it, whose vertex groups Blender would rename with the bones.
-    _rename(own, named)
+    rename(own.data.bones, named, own, own.data)
     for collection in target.users_collection:
         collection.objects.link(own)
     # A rig without the target's scale: poses are edited in it.
     location, rotation, _ = target.matrix_world.decompose()
     own.matrix_world = Matrix.LocRotScale(location, rotation, None)
-    held = next((m for m in _modifiers(target) if m.object in (rig, before)), None)
+    replaced = [rig, *_made_from(target, rig)]
+    held = next((m for m in _modifiers(target) if m.object in replaced), None)
     if held is None:
-        held = _new_modifier(route, rig, own.name)
+        held = _new_modifier(route, rig, own.name, options)
     held.object = own
-    if target.parent in (None, rig, before):
+    if target.parent in (None, *replaced):
         there = target.matrix_world.copy()
         target.parent = own
         target.matrix_world = there
@@ -176,13 +184,9 @@ def hold_still(own):
     held = own.animation_data
     if held is None:
         return
-    if held.action is not None and any(_moving(held.action)):
-        held.action = held.action.copy()
-        for curves, curve in list(_moving(held.action)):
+    for action in own_actions(own, [action for action in actions_of(own) if any(_moving(action))]):
+        for curves, curve in list(_moving(action)):
             curves.remove(curve)
-    for track in list(held.nla_tracks):
-        if any(strip.action is not None and any(_moving(strip.action)) for strip in track.strips):
-            held.nla_tracks.remove(track)
     for curve in list(held.drivers):
         if curve.data_path.startswith(TRANSFORMS):
             held.drivers.remove(curve)
@@ -190,27 +194,17 @@ def hold_still(own):
 
 def _moving(action):
     """The curves of an action that move an object, each after the list that holds it."""
-    if hasattr(action, "fcurves"):
-        lists = [action.fcurves]
-    else:
-        # From Blender 5.0.
+    if hasattr(action, "layers"):
+        # From Blender 4.4, where `fcurves` are those of the first slot.
         lists = [
             bag.fcurves for layer in action.layers for strip in layer.strips for bag in strip.channelbags
         ]
+    else:
+        lists = [action.fcurves]
     return ((curves, curve) for curves in lists for curve in curves if curve.data_path.startswith(TRANSFORMS))
 
 
-def _rename(own, named):
-    """Give a copy's bones their names on the target; constraints and drivers within it follow."""
-    if all(name == other for name, other in named.items()):
-        return
-    held = own.animation_data
-    if held is not None and held.action is not None:
-        held.action = held.action.copy()
-    rename(own.data.bones, named)
-
-
-def _new_modifier(route, rig, name):
+def _new_modifier(route, rig, name, options):
     """An Armature modifier set as that of the source, before those that take the posed surface."""
     target = route.target
     model = next(m for m in _modifiers(route.source) if m.object == rig)
@@ -218,15 +212,16 @@ def _new_modifier(route, rig, name):
     made = target.modifiers.new(name, "ARMATURE")
     for setting in MODIFIER_SETTINGS:
         setattr(made, setting, getattr(model, setting))
+    made.vertex_group = name_on_target(model.vertex_group, options)
     if place is not None:
         target.modifiers.move(len(target.modifiers) - 1, place)
     return made
 
 
-def _fit_constraints(rig, own, named):
+def fit_constraints(rig, own, options):
     """Lengths and matrices that constraints of the rig store, as they are for the fitted bones at rest."""
     for bone in rig.pose.bones:
-        fitted = own.pose.bones[named[bone.name]]
+        fitted = own.pose.bones[name_on_target(bone.name, options)]
         for constraint in bone.constraints:
             copy = fitted.constraints.get(constraint.name)
             if copy is None or getattr(copy, "target", None) is None or constraint.target is None:

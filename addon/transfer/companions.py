@@ -6,13 +6,11 @@ import numpy as np
 from mathutils import Matrix
 
 from .. import mesh_read
-from .armatures import MADE_FROM, fitted_rig, hold_still, rigs
+from .armatures import MADE_FOR, MADE_FROM, fitted_rig, hold_still, rigs
 from .kind import Kind, Prepared
 from .shape_keys import read_key
-from .sides import flip_name, names_on_target, rename
+from .sides import name_on_target, names_on_target, rename
 
-# On the copy of a companion: the object on which it hangs, also where a bone of its rig is the parent.
-MADE_FOR = "spectral_match_made_for"
 # A connected piece smaller than this share of the source's size is rigid: an eye stays round.
 RIGID_SHARE = 0.1
 # Objects that show something, but have no vertices to move.
@@ -24,10 +22,11 @@ def hanging(source, types=("MESH",)):
     deforming = rigs(source)
     # Shapes in which bones are shown are no part of the character.
     shapes = {bone.custom_shape for rig in deforming for bone in (rig.pose.bones if rig.pose else ())}
+    shown = {obj for scene in bpy.data.scenes for obj in scene.objects}
     return [
         obj
         for obj in bpy.data.objects
-        if obj.type in types and _belongs(obj, source, deforming) and obj not in shapes and obj.users_scene
+        if obj.type in types and _belongs(obj, source, deforming) and obj not in shapes and obj in shown
     ]
 
 
@@ -64,6 +63,15 @@ def prepare(route, wanted, options):
     ]
     if bound:
         notes.append(f"Modifiers have to be bound again on the copies: {', '.join(bound)}")
+    constrained = [
+        f"{constraint.name} of '{companion.name}'"
+        for companion in companions
+        for constraint in companion.constraints
+    ]
+    if constrained:
+        notes.append(
+            f"Constraints of objects were left, the copies follow the target: {', '.join(constrained)}"
+        )
 
     def write():
         for companion, places in moved:
@@ -152,17 +160,30 @@ def copy_of(target, companion):
 
 def _write(route, companion, moved, options):
     own = copy_of(route.target, companion)
+    parent, bone = _parent(route, companion, options)
     if own is None:
-        own = _copied(route, companion, options)
+        own = _copied(route, companion)
+        _hang(route, own, parent, bone)
+    elif own.parent not in (None, parent) and (
+        own.parent == route.target or (own.parent.type == "ARMATURE" and MADE_FROM in own.parent.data)
+    ):
+        # Carried before the present rig.
+        _hang(route, own, parent, bone)
     named, _ = names_on_target(moved[1], options)
     if not _fits(own.data, companion.data, named):
         before = own.data
         own.data = companion.data.copy()
         own.data.name = own.name
         groups, _ = names_on_target([group.name for group in own.vertex_groups], options)
+        # Modifiers of a copy that was made before name its own groups already.
+        masks = list(_masks(own)) if before == companion.data else []
         rename(own.vertex_groups, groups)
+        for modifier, setting, name in masks:
+            setattr(modifier, setting, groups.get(name, name))
         if named:
-            rename(own.data.shape_keys.key_blocks, named)
+            rename(own.data.shape_keys.key_blocks, named, own.data.shape_keys)
+            for block in own.data.shape_keys.key_blocks:
+                block.vertex_group = groups.get(block.vertex_group, block.vertex_group)
         if not before.users:
             bpy.data.meshes.remove(before)
     points, keys = moved
@@ -180,7 +201,15 @@ def _fits(own, mesh, named):
     return own != mesh and len(topologies) == 1 and keys == list(named.values())
 
 
-def _copied(route, companion, options):
+def _masks(own):
+    """Modifiers that ask vertex groups, the setting and the name of the group."""
+    for modifier in own.modifiers:
+        for prop in modifier.bl_rna.properties:
+            if prop.type == "STRING" and "vertex_group" in prop.identifier:
+                yield modifier, prop.identifier, getattr(modifier, prop.identifier)
+
+
+def _copied(route, companion):
     target = route.target
     own = companion.copy()
     own.name = f"{companion.name} {target.name}"
@@ -188,31 +217,39 @@ def _copied(route, companion, options):
     for collection in target.users_collection:
         collection.objects.link(own)
     hold_still(own)
-    rig = target.find_armature()
-    _hang(route, own, companion, rig, options)
-    for modifier in own.modifiers:
-        if modifier.type == "ARMATURE" and modifier.object is not None:
-            modifier.object = fitted_rig(target, modifier.object) or rig or modifier.object
     return own
 
 
-def _hang(route, own, companion, rig, options):
-    """Parent the copy to the target, or as the companion is to a bone; its space is the target's at rest."""
+def _parent(route, companion, options):
+    """What the copy hangs on: the target's rig and the name of a bone of it or None, or the target, None."""
     target = route.target
     parent, bone = _bone_of(route.source, companion)
-    name = None if bone is None else flip_name(bone.name) if options.mirror_names else bone.name
+    name = None if bone is None else name_on_target(bone.name, options)
+    rig = None if parent is None else fitted_rig(target, parent) or target.find_armature()
+    if rig is None or (name is not None and name not in rig.data.bones):
+        return target, None
+    return rig, name
+
+
+def _hang(route, own, parent, name):
+    """Parent the copy, whose space is the target's at rest, and let its modifiers ask the target's rigs."""
+    target = route.target
+    present = [fitted_rig(target, rig) for rig in rigs(route.source)]
+    for modifier in own.modifiers:
+        if modifier.type == "ARMATURE" and modifier.object is not None and modifier.object not in present:
+            fitted = fitted_rig(target, modifier.object) or target.find_armature()
+            modifier.object = fitted or modifier.object
     own.matrix_basis = Matrix.Identity(4)
     own.delta_location, own.delta_rotation_euler, own.delta_scale = (0, 0, 0), (0, 0, 0), (1, 1, 1)
     own.delta_rotation_quaternion = (1, 0, 0, 0)
-    if parent is None or rig is None or (bone is not None and name not in rig.data.bones):
-        own.parent, own.parent_type = target, "OBJECT"
+    own.parent, own.parent_type = parent, "OBJECT"
+    if parent == target:
         own.matrix_parent_inverse = Matrix.Identity(4)
         return
-    place = rig.matrix_world.copy()
-    own.parent, own.parent_type = rig, "OBJECT"
+    place = parent.matrix_world.copy()
     if name is not None:
         own.parent_type, own.parent_bone = "BONE", name
-        held = rig.data.bones[name]
+        held = parent.data.bones[name]
         if not held.use_relative_parent:
             place = place @ held.matrix_local @ Matrix.Translation((0.0, held.length, 0.0))
     own.matrix_parent_inverse = place.inverted_safe() @ target.matrix_world

@@ -5,11 +5,21 @@ import re
 
 import bpy
 
-from . import armatures, companions
-from .sides import flip_name
+from . import armatures, companions, shape_keys
+from .sides import flip_name, name_on_target
 
 # A bone or shape key in a data path.
 NAMED = re.compile(r'((?:bones|key_blocks)\[")((?:[^"\\]|\\.)*)("\])')
+
+# Properties that point to an object → those that name a bone or vertex group of it.
+PARTS = {
+    "target": "subtarget",
+    "pole_target": "pole_subtarget",
+    "space_object": "space_subtarget",
+    "object": "subtarget",
+    "object_from": "bone_from",
+    "object_to": "bone_to",
+}
 
 
 def redirect(route, options):
@@ -20,7 +30,7 @@ def redirect(route, options):
     for rig in armatures.rigs(route.source):
         own = armatures.fitted_rig(target, rig)
         if own is not None:
-            rigs.append(own)
+            rigs.append((rig, own))
             exchanged |= _with_data(rig, own)
     for companion in companions.hanging(route.source):
         own = companions.copy_of(target, companion)
@@ -28,17 +38,25 @@ def redirect(route, options):
             copies.append(own)
             exchanged |= _with_data(companion, own)
     keys = target.data.shape_keys
-    for held in [keys] if keys else []:
-        _drivers(held, exchanged, options)
-    for obj in rigs + copies:
+    carried = {name_on_target(name, options) for name in shape_keys.names(route.source)}
+    if keys is not None and keys.animation_data is not None:
+        _drivers(
+            [curve for curve in keys.animation_data.drivers if _key(curve) in carried], exchanged, options
+        )
+    for obj in [own for _, own in rigs] + copies:
         for held in (obj, obj.data, getattr(obj.data, "shape_keys", None)):
-            if held is not None:
-                _drivers(held, exchanged, options)
+            if held is not None and held.animation_data is not None:
+                _drivers(held.animation_data.drivers, exchanged, options)
         for modifier in obj.modifiers:
-            point(modifier, exchanged)
+            point(modifier, exchanged, options)
         for bone in obj.pose.bones if obj.pose else []:
             for constraint in bone.constraints:
-                point(constraint, exchanged)
+                point(constraint, exchanged, options)
+    # Copies that were just hung are in their places from here.
+    bpy.context.view_layer.update()
+    for rig, own in rigs:
+        if rig.name in route.wanted[armatures.KIND.identifier]:
+            armatures.fit_constraints(rig, own, options)
 
 
 def _with_data(before, after):
@@ -50,8 +68,14 @@ def _with_data(before, after):
     return exchanged
 
 
-def _drivers(held, exchanged, options):
-    for curve in held.animation_data.drivers if held.animation_data else []:
+def _key(curve):
+    """Name of the shape key that a driver moves, or None."""
+    found = NAMED.search(curve.data_path)
+    return found and bpy.utils.unescape_identifier(found[2])
+
+
+def _drivers(curves, exchanged, options):
+    for curve in curves:
         for variable in curve.driver.variables:
             for seen in variable.targets:
                 if seen.id not in exchanged:
@@ -67,14 +91,17 @@ def _flipped(found):
     return begin + flip_name(name) + end
 
 
-def point(holder, exchanged):
-    """Exchange what a modifier or constraint points to."""
+def point(holder, exchanged, options):
+    """Exchange what a modifier or constraint points to, and the side of a bone or group named in that."""
     for item in [holder, *getattr(holder, "targets", ())]:
         for prop in item.bl_rna.properties:
             if prop.type == "POINTER" and not prop.is_readonly:
                 value = getattr(item, prop.identifier)
                 if isinstance(value, bpy.types.ID) and value in exchanged:
                     setattr(item, prop.identifier, exchanged[value])
+                    part = PARTS.get(prop.identifier)
+                    if part is not None and hasattr(item, part):
+                        setattr(item, part, name_on_target(getattr(item, part), options))
     if getattr(holder, "type", "") == "NODES":
         for name, value in holder.items():
             if isinstance(value, bpy.types.ID) and value in exchanged:

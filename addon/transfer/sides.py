@@ -15,14 +15,49 @@ def flip_name(name):
     return space + colon + bpy.utils.flip_name(own)
 
 
-def rename(items, named):
-    """Give bones, vertex groups or shape keys new names, which may be names that others of them have."""
+def name_on_target(name, options):
+    return flip_name(name) if options.mirror_names else name
+
+
+def rename(items, named, *animated):
+    """Give bones, vertex groups or shape keys new names, which may be names that others of them have.
+
+    Blender renames the paths in actions too: those of the `animated` IDs are copied, for others share them.
+    """
     renamed = [(item, named[item.name]) for item in items if named[item.name] != item.name]
+    for holder in animated if renamed else ():
+        own_actions(holder, actions_of(holder))
     # Twice, since two of them may exchange their names.
     for number, (item, _) in enumerate(renamed):
         item.name = f"spectral_match {number}"
     for item, name in renamed:
         item.name = name
+
+
+def actions_of(holder):
+    """Actions that animate an ID, in its NLA strips too, each once."""
+    return list(dict.fromkeys(user.action for user in _action_users(holder) if user.action is not None))
+
+
+def own_actions(holder, actions):
+    """Exchange these actions of an ID for copies; returns the copies."""
+    made = {action: action.copy() for action in actions}
+    for user in _action_users(holder):
+        if user.action in made:
+            # From Blender 4.4.
+            slot = getattr(user, "action_slot", None)
+            user.action = made[user.action]
+            if slot is not None:
+                user.action_slot = user.action.slots[slot.identifier]
+    for action in actions:
+        if not action.users:
+            bpy.data.actions.remove(action)
+    return list(made.values())
+
+
+def _action_users(holder):
+    held = holder.animation_data
+    return [] if held is None else [held, *(strip for track in held.nla_tracks for strip in track.strips)]
 
 
 def names_on_target(names, options):

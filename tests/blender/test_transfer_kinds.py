@@ -952,6 +952,156 @@ def test_a_mirrored_match_mirrors_rig_and_eyes_and_names(scene):
     np.testing.assert_allclose(found, np.array(expected) * (-1, 1, 1), atol=0.02 * 0.1 + 1e-3)
 
 
+def paths_of(action):
+    return [curve.data_path for curve in action.fcurves]
+
+
+def stripped(holder):
+    """The animation of an ID as an NLA strip of the same action twice."""
+    held = holder.animation_data
+    action, held.action = held.action, None
+    for start in (1, 50):
+        held.nla_tracks.new().strips.new(action.name, start, action)
+    return action
+
+
+def test_mirrored_names_leave_actions_and_masks_of_the_source_alone(scene):
+    """Animation of bones and keys, in strips and as the action, is the source's own."""
+    source = ball("Source", 16, 8)
+    target = without_data(source, "Target")
+    from test_transfer import store_identity
+
+    store_identity(source, target)
+    rig = rigged((source, target, None, None))
+    rig.data.bones["High"].name = "Arm.L"
+    rig.pose.bones["Arm.L"].keyframe_insert("location", frame=1)
+    posing = stripped(rig)
+    rig.pose.bones["Arm.L"].keyframe_insert("location", frame=1)
+    rig.keyframe_insert("location", frame=1)
+    moving = stripped(rig)
+    rig.pose.bones["Arm.L"].keyframe_insert("scale", frame=1)
+    other = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
+    bpy.context.collection.objects.link(other)
+    add_bone(other, "Hand.L", (0, 0, 0), (0, 0, 0.5))
+    source.modifiers.new("Other", "ARMATURE").object = other
+    source.modifiers["Other"].vertex_group = "Arm.L"
+    constraint = rig.pose.bones["Arm.L"].constraints.new("IK")
+    constraint.target = constraint.pole_target = other
+    constraint.subtarget = constraint.pole_subtarget = "Hand.L"
+    eye = small_ball("Eye", source)
+    eye.vertex_groups.new(name="Lid.L")
+    eye.modifiers.new("Mask", "MASK").vertex_group = "Lid.L"
+    wide = add_key(eye, "Wide.L", 0.1, vertex_group="Lid.L")
+    wide.keyframe_insert("value", frame=1)
+    transfer(source, target, kinds="groups,armature,objects", mirror_names=True)
+    assert set(paths_of(posing)) == {'pose.bones["Arm.L"].location'}
+    assert set(paths_of(moving)) == {'pose.bones["Arm.L"].location', "location"}
+    assert set(paths_of(rig.animation_data.action)) == {'pose.bones["Arm.L"].scale'}
+    assert paths_of(eye.data.shape_keys.animation_data.action) == ['key_blocks["Wide.L"].value']
+    fitted, own = (modifier.object for modifier in target.modifiers)
+    strips = [strip for track in fitted.animation_data.nla_tracks for strip in track.strips]
+    assert len(strips) == 4 and len({strip.action for strip in strips}) == 2
+    for strip in strips:
+        # What moves the object is gone from the copies.
+        assert set(paths_of(strip.action)) == {'pose.bones["Arm.R"].location'}
+        assert strip.action_slot == strip.action.slots[0]
+    assert set(paths_of(fitted.animation_data.action)) == {'pose.bones["Arm.R"].scale'}
+    (held,) = fitted.pose.bones["Arm.R"].constraints
+    assert (held.target, held.subtarget, held.pole_subtarget) == (own, "Hand.R", "Hand.R")
+    assert target.modifiers[1].vertex_group == "Arm.R"
+    (copy,) = copies_of("Eye")
+    assert paths_of(copy.data.shape_keys.animation_data.action) == ['key_blocks["Wide.R"].value']
+    assert copy.modifiers["Mask"].vertex_group == "Lid.R"
+    assert copy.data.shape_keys.key_blocks["Wide.R"].vertex_group == "Lid.R"
+
+
+def test_object_animation_of_any_slot_is_taken_from_a_copy(copies):
+    """Two rigs share an action: the curves of the second slot move the second rig."""
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    first = bpy.data.objects.new("First", None)
+    first.keyframe_insert("location", frame=1)
+    rig.animation_data_create().action = first.animation_data.action
+    rig.animation_data.action_slot = rig.animation_data.action.slots.new("OBJECT", "Rig")
+    for frame in (1, 2):
+        rig.location[0] = frame
+        rig.keyframe_insert("location", frame=frame)
+    bpy.context.scene.frame_set(1)
+    transfer(source, target, kinds="groups,armature")
+    fitted = target.find_armature()
+    before = fitted.matrix_world.copy()
+    bpy.context.scene.frame_set(2)
+    np.testing.assert_allclose(fitted.matrix_world, before, atol=1e-6)
+
+
+def test_a_duplicate_of_a_target_gets_a_rig_of_its_own(copies):
+    source, target, _, _ = copies
+    rigged(copies)
+    transfer(source, target, kinds="groups,armature")
+    first = target.find_armature()
+    second = target.copy()
+    second.data = target.data.copy()
+    bpy.context.collection.objects.link(second)
+    transfer(source, second, kinds="groups,armature")
+    assert target.find_armature() == target.parent == first
+    assert second.find_armature() == second.parent != first
+    assert [len(obj.modifiers) for obj in (target, second)] == [1, 1]
+
+
+def test_copies_move_to_a_rig_that_is_carried_later(copies):
+    """Objects first: they hang on the target; of two rigs each gets what hangs on it."""
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    other = bpy.data.objects.new("Other", bpy.data.armatures.new("Other"))
+    bpy.context.collection.objects.link(other)
+    add_bone(other, "Jaw", (0, 0, 0), (0, 0, 0.5))
+    source.modifiers.new("Other", "ARMATURE").object = other
+    bpy.context.view_layer.update()
+    for name, held, bone in (("Eye", rig, "High"), ("Tooth", other, "Jaw")):
+        small_ball(name, held, bone).constraints.new("LIMIT_LOCATION").name = f"On {name}"
+    transfer(source, target, kinds="groups,objects")
+    assert "On Eye of 'Eye', On Tooth of 'Tooth'" in notice.words
+    before = {}
+    for name in ("Eye", "Tooth"):
+        (copy,) = copies_of(name)
+        assert copy.parent == target
+        before[name] = copy.matrix_world.copy()
+    transfer(source, target, kinds="groups,armature,objects")
+    fitted, own = (modifier.object for modifier in target.modifiers)
+    for name, held, bone in (("Eye", fitted, "High"), ("Tooth", own, "Jaw")):
+        (copy,) = copies_of(name)
+        assert (copy.parent, copy.parent_bone) == (held, bone)
+        np.testing.assert_allclose(copy.matrix_world, before[name], atol=1e-5)
+
+
+def test_constraints_are_fitted_to_what_the_target_got(copies):
+    """A bone stretched to a ball that hangs on the body is at rest where the ball's copy is."""
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    ball_there = small_ball("Goal", source)
+    tip = rig.pose.bones["High"]
+    held = tip.constraints.new("STRETCH_TO")
+    held.target = ball_there
+    distance = (ball_there.matrix_world.translation - rig.matrix_world @ tip.bone.head_local).length
+    held.rest_length = distance
+    transfer(source, target, kinds="groups,armature,objects")
+    (copy,) = copies_of("Goal")
+    fitted = target.find_armature()
+    made = fitted.pose.bones["High"]
+    assert made.constraints[0].target == copy
+    reach = (copy.matrix_world.translation - fitted.matrix_world @ made.bone.head_local).length
+    assert made.constraints[0].rest_length == pytest.approx(reach, rel=1e-5)
+
+
+def test_drivers_of_keys_that_were_never_carried_stay(copies):
+    source, target, _, _ = copies
+    add_key(source, "Smile", 0.1)
+    variable = add_key(target, "Own", 0.1).driver_add("value").driver.variables.new()
+    variable.targets[0].id = source
+    transfer(source, target, kinds="keys")
+    assert variable.targets[0].id == source
+
+
 def test_what_hangs_on_rig_bones_and_other_objects_comes_along(copies):
     source, target, _, _ = copies
     rig = rigged(copies)
