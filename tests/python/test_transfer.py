@@ -176,6 +176,19 @@ def test_edges_take_after_the_nearest_that_runs_alike():
         way.nearest_edges(edges, [(0, 4)])
 
 
+def test_marks_go_around_a_narrow_face_and_not_across_its_end():
+    # Faces a tenth as wide as long; two long sides of one of them and the end between them are marked.
+    across, along = np.arange(6) * 0.1, np.arange(4.0)
+    vertices = np.array([(x, y, 0.0) for y in along for x in across])
+    corner = np.array([6 * j + i for j in range(3) for i in range(5)])[:, None]
+    mesh = vertices, np.vstack([corner + (0, 1, 7), corner + (0, 7, 6)])
+    edges = np.array([(v, v + step) for step in (1, 6) for v in corner[:, 0]])
+    marked = np.isin(edges, (8, 9, 14, 15)).all(axis=1) & ~(edges == (14, 15)).all(axis=1)
+    assert marked.sum() == 3
+    way = sgmds.SurfaceMap(mesh, mesh, *nearest(mesh, mesh))
+    np.testing.assert_array_equal(way.marks(edges, marked.astype(float), edges) > 0, marked)
+
+
 def test_limited_rows_sum_to_one(character):
     way, old, _, _ = copy_map(character.vertices, character.faces)
     table = character.weights

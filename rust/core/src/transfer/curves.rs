@@ -2,6 +2,7 @@
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
+use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
@@ -15,6 +16,10 @@ use crate::vector::{self, Point};
 /// Cost of a unit of way that lies on the curve itself, beside 1 for a unit one edge length away:
 /// enough to keep a way from wandering along the curve.
 const LENGTH_COST: f64 = 1e-3;
+
+/// Lengths of edges in which distances from the curve are counted, in mean lengths: those of a short edge in its own,
+/// so that it is no way across the end of a narrow face.
+const COUNTED_LENGTHS: RangeInclusive<f64> = 0.05..=1.0;
 
 /// Longest piece of a curve followed at once, in edges.
 const LONGEST_PIECE: usize = 128;
@@ -270,12 +275,15 @@ impl<'a> Graph<'a> {
     fn cost(&self, piece: &Piece, edge: u32) -> f64 {
         let [a, b] = self.edges[edge as usize].map(|v| self.images[v as usize]);
         let middle = vector::scaled(vector::add(a, b), 0.5);
-        let far: f64 = [a, middle, b]
-            .iter()
-            .map(|&p| (piece.nearest(p).0 / self.mean_length).powi(2))
-            .sum();
         // Vertices with one common image are still an edge apart.
         let length = vector::distance(a, b).max(1e-6 * self.mean_length);
+        let [least, most] =
+            [COUNTED_LENGTHS.start(), COUNTED_LENGTHS.end()].map(|l| l * self.mean_length);
+        let unit = length.clamp(least, most);
+        let far: f64 = [a, middle, b]
+            .iter()
+            .map(|&p| (piece.nearest(p).0 / unit).powi(2))
+            .sum();
         length * (far / 3.0 + LENGTH_COST)
     }
 }
