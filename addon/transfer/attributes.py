@@ -7,6 +7,8 @@ from .. import mesh_read
 from ..mesh_write import OURS, PLAIN, VALUE_LAYOUT, check_name, read_attribute, sort_of, write_attribute
 from .kind import Kind, Prepared
 
+# Where Blender keeps seams, and where it kept them up to 4.3 at least.
+SEAMS, OLD_SEAMS = "uv_seam", ".uv_seam"
 # Attributes that are carried by another kind, or are the mesh itself.
 BUILT_IN = frozenset(
     "position material_index sharp_face sharp_edge uv_seam crease_edge crease_vert bevel_weight_edge "
@@ -15,7 +17,7 @@ BUILT_IN = frozenset(
 # A mixture of two of these is neither; they come from one place.
 DISCRETE = frozenset(("INT", "INT8", "BOOLEAN", "INT16_2D", "INT32_2D", "STRING"))
 # Marks of edges are curves, however many there are; other numbers of edges are not.
-CURVES = frozenset("uv_seam sharp_edge crease_edge bevel_weight_edge freestyle_edge".split())
+CURVES = frozenset((SEAMS, OLD_SEAMS, "sharp_edge", "crease_edge", "bevel_weight_edge", "freestyle_edge"))
 
 
 def names(source):

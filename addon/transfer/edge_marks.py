@@ -7,7 +7,7 @@ from .kind import Kind
 
 # What an artist calls it → the mesh attribute that Blender keeps it in.
 MARKS = {
-    "Seams": "uv_seam",
+    "Seams": attributes.SEAMS,
     "Sharp Edges": "sharp_edge",
     "Edge Creases": "crease_edge",
     "Edge Bevel Weights": "bevel_weight_edge",
@@ -21,11 +21,19 @@ MARKS = {
 
 def names(source):
     present = source.data.attributes
-    return [name for name, kept in MARKS.items() if kept in present and read_attribute(present[kept]).any()]
+    kept = {name: _kept(source.data, name) for name in MARKS}
+    return [name for name in MARKS if kept[name] in present and read_attribute(present[kept[name]]).any()]
+
+
+def _kept(mesh, name):
+    """The attribute in which this mesh keeps a mark."""
+    if MARKS[name] == attributes.SEAMS and attributes.OLD_SEAMS in mesh.attributes:
+        return attributes.OLD_SEAMS
+    return MARKS[name]
 
 
 def prepare(route, wanted, options):
-    return attributes.prepare(route, [MARKS[name] for name in wanted], options)
+    return attributes.prepare(route, [_kept(route.source.data, name) for name in wanted], options)
 
 
 KIND = Kind(

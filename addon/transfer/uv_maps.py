@@ -8,11 +8,11 @@ from bpy.props import BoolProperty
 
 from .. import core
 from ..mesh_read import UnusableObjectError
-from ..mesh_write import check_name, write_attribute
+from ..mesh_write import check_name
+from .attributes import SEAMS
 from .kind import Kind, Prepared
 
 MOST_UV_MAPS = 8
-SEAMS = "uv_seam"
 # Worse than the source's by more than this is said: stretch as a factor, shares of area as a difference.
 STRETCH_ROOM, SHARE_ROOM = 1.25, 0.02
 
@@ -103,7 +103,7 @@ def _write(source, target, carried, seams):
     if seams is not None:
         marked = np.empty(len(seams), bool)
         target.edges.foreach_get("use_seam", marked)
-        write_attribute(target, SEAMS, "BOOLEAN", "EDGE", seams | marked)
+        target.edges.foreach_set("use_seam", seams | marked)
 
 
 KIND = Kind(

@@ -140,12 +140,14 @@ def test_marks_come_back_on_a_copy(copies):
     low = points[edges].max(axis=1)[:, 2] < 0.1
     seam = low & (points[edges].min(axis=1)[:, 2] > -0.3) & (rng.random(len(edges)) < 0.6)
     crease = np.where(np.abs(points[edges][:, :, 0]).max(axis=1) < 1e-5, 0.7, 0.0)
-    write_attribute(source.data, "uv_seam", "BOOLEAN", "EDGE", seam)
+    source.data.edges.foreach_set("use_seam", seam)
     write_attribute(source.data, "crease_edge", "FLOAT", "EDGE", crease)
     transfer(source, target, kinds="marks")
     same = same_edges(source, target, old)
     assert seam.sum() > 20
-    np.testing.assert_array_equal(read_attribute(target.data.attributes["uv_seam"]), seam[same])
+    carried = np.empty(len(seam), bool)
+    target.data.edges.foreach_get("use_seam", carried)
+    np.testing.assert_array_equal(carried, seam[same])
     np.testing.assert_allclose(read_attribute(target.data.attributes["crease_edge"]), crease[same], atol=1e-6)
 
 
@@ -1004,7 +1006,9 @@ def test_mirrored_names_leave_actions_and_masks_of_the_source_alone(scene):
     for strip in strips:
         # What moves the object is gone from the copies.
         assert set(paths_of(strip.action)) == {'pose.bones["Arm.R"].location'}
-        assert strip.action_slot == strip.action.slots[0]
+        # From Blender 4.4.
+        if hasattr(strip, "action_slot"):
+            assert strip.action_slot == strip.action.slots[0]
     assert set(paths_of(fitted.animation_data.action)) == {'pose.bones["Arm.R"].scale'}
     (held,) = fitted.pose.bones["Arm.R"].constraints
     assert (held.target, held.subtarget, held.pole_subtarget) == (own, "Hand.R", "Hand.R")
@@ -1015,6 +1019,7 @@ def test_mirrored_names_leave_actions_and_masks_of_the_source_alone(scene):
     assert copy.data.shape_keys.key_blocks["Wide.R"].vertex_group == "Lid.R"
 
 
+@pytest.mark.skipif(bpy.app.version < (4, 4), reason="actions have slots from Blender 4.4")
 def test_object_animation_of_any_slot_is_taken_from_a_copy(copies):
     """Two rigs share an action: the curves of the second slot move the second rig."""
     source, target, _, _ = copies
