@@ -115,6 +115,58 @@ def test_a_mirrored_map_mirrors_what_it_carries(character):
     np.testing.assert_allclose(moved, piece * mirror, atol=1e-8)
 
 
+def strands_on(vertices, faces, count, seed=4):
+    """Points of strands bent at random, the strand of each, and their roots within faces."""
+    rng = np.random.default_rng(seed)
+    chosen, weights = faces[rng.integers(len(faces), size=count)], rng.dirichlet(np.ones(3), size=count)
+    roots = np.einsum("ik,ikc->ic", weights, vertices[chosen])
+    strands = np.repeat(np.arange(count), 5)
+    points = roots[strands] + 0.1 * rng.normal(size=(5 * count, 3))
+    return points, strands, roots, chosen, weights
+
+
+@pytest.mark.parametrize("mirror", [1.0, -1.0])
+def test_strands_turn_and_grow_with_the_body(character, mirror):
+    vertices, faces = character.vertices, character.faces
+    way, old, turn, other = copy_map(vertices, faces)
+    if mirror < 0.0:
+        turn = turn @ np.diag([-1.0, 1.0, 1.0])
+        way = sgmds.SurfaceMap(
+            (vertices, faces), (2.0 * vertices[old] @ turn.T, other[:, ::-1]), way.faces, way.barycentric
+        )
+    points, strands, roots, chosen, weights = strands_on(vertices, faces, 200)
+    found = way.strands(roots, points, strands)
+    np.testing.assert_allclose(found.points, 2.0 * points @ turn.T, atol=1e-9)
+    np.testing.assert_allclose(found.scales, 2.0, rtol=1e-9)
+    target = 2.0 * vertices[old] @ turn.T
+    triangles = other if mirror > 0.0 else other[:, ::-1]
+    places = np.einsum("ik,ikc->ic", found.barycentric, target[triangles[found.faces]])
+    np.testing.assert_allclose(places, 2.0 * roots @ turn.T, atol=1e-9)
+    np.testing.assert_allclose(found.confidence, 1.0, atol=1e-9)
+    # What is lifted off the surface is as far from it afterwards, by the scale.
+    lifted = way.strands(roots + (0.0, 0.0, 0.01), points, strands)
+    np.testing.assert_allclose(lifted.points, found.points, atol=1e-9)
+
+
+def test_strands_beyond_the_target_are_not_trusted():
+    """The upper half of a ball has no counterpart of what grows below; one vertex is trusted by half."""
+    vertices, faces, _ = sphere(24, 32)
+    upper = vertices[:, 2] > -1e-9
+    kept = faces[upper[faces].all(axis=1)]
+    number = np.cumsum(upper) - 1
+    triangle, weight = nearest((vertices, faces), (vertices[upper], None))
+    trust = np.where(np.arange(upper.sum()) == 0, 0.5, 1.0)
+    way = sgmds.SurfaceMap((vertices, faces), (vertices[upper], number[kept]), triangle, weight, trust)
+    edge = np.pi / 24
+    heights = np.array([1.0, 0.7, 0.1, -0.5 * edge, -3.0 * edge, -1.0])
+    roots = np.stack([np.sqrt(1.0 - heights**2), 0.0 * heights, heights], axis=1)
+    found = way.strands(roots, roots, np.arange(len(roots)))
+    np.testing.assert_allclose(found.confidence, [0.5, 1, 1, 1, 0, 0], atol=1e-9)
+    # All the same they stand on the rim.
+    places = np.einsum("ik,ikc->ic", found.barycentric, vertices[upper][number[kept][found.faces]])
+    np.testing.assert_allclose(places[-3:, 2], 0.0, atol=1e-9)
+
+
 def test_uvs_come_back_on_a_copy():
     vertices, faces, uv = sphere(24, 32)
     way, _, _, other = copy_map(vertices, faces)
@@ -311,6 +363,10 @@ def test_what_does_not_fit_is_refused_in_words(character):
         ({"image": image + 0j}, "`image`"),
         ({"target_uv": np.nan * character.uv}, "`target_uv` should be finite"),
         ({"tangent_frames": [np.zeros((4, 3, 3))]}, "`tangent_frames` should be four"),
+        ({"normal_spaces": [np.eye(3)]}, "`normal_spaces` should be two"),
+        ({"normal_spaces": [np.eye(3), np.eye(4)]}, "`normal_spaces`"),
+        ({"normal_spaces": [np.eye(3), np.full((3, 3), np.nan)]}, "`normal_spaces` should be finite"),
+        ({"normal_spaces": [np.eye(3)] * 2, "tangent_frames": []}, "not both"),
     ):
         wanted = {"target_uv": character.uv, "image": image, "width": 4, "height": 4} | change
         with pytest.raises(sgmds.ArgumentError, match=words):
@@ -355,6 +411,11 @@ def test_numbers_without_a_value_and_lists_of_wrong_lengths_are_refused(characte
         (lambda: way.joints(vertices[:2], [([0], [1, 1]), ([0, 1], [1])]), r"`influence` should be \(1\)"),
         (lambda: way.joints(vertices[:1], []), "`influence` should have 1 rows"),
         (lambda: way.followed([[0, np.inf, 0]]), "`points` should be finite"),
+        (lambda: way.strands(vertices[:1] * np.nan, vertices[:1], [0]), "`roots` should be finite"),
+        (
+            lambda: way.strands(vertices[:1], vertices[:2], [0, 1]),
+            "`strands` names strand 1, but there are 1",
+        ),
         (lambda: way.displacements([[0, 0, 0], [0, 0]]), "`offsets`"),
     ):
         with pytest.raises(sgmds.ArgumentError, match=words):
@@ -417,6 +478,76 @@ def test_tiles_are_baked_where_they_lie_and_only_where_they_are_used():
     # Looked up on the left half alone, the right half shows the place nearest to it.
     near = way.bake(square * (2.0, 1.0), square, tiles, 32, 32, source_triangles=left)[..., 0]
     np.testing.assert_array_equal(near, np.full((32, 32), 0.25))
+
+
+def baked_normals(way, uv, given, matrices, side):
+    """What is baked of one normal a texel, (side, side, 3), of a map that lays out its two surfaces alike."""
+    image = np.dstack([given * 0.5 + 0.5, np.ones(given.shape[:2])])
+    return way.bake(uv, uv, image, side, side, margin=0, normal_spaces=matrices)[..., :3] * 2.0 - 1.0
+
+
+@pytest.mark.parametrize(
+    "plane",
+    [
+        np.array([[0.8, -0.6], [0.6, 0.8]]),
+        np.array([[3.0, 0.0], [0.0, 0.5]]),
+        np.array([[1.0, 0.7], [0.0, 1.0]]),
+        np.array([[0.3, 1.0], [1.5, 0.2]]),
+    ],
+    ids=["turned", "stretched", "sheared", "mirrored"],
+)
+def test_a_normal_in_object_space_is_turned_by_the_rotation_nearest_to_the_map(plane):
+    """A square taken elsewhere by a linear map: within it the orthogonal factor of that map turns a normal.
+
+    Across it is the square's own normal, which looks down where the square was turned over.
+    """
+    mesh = grid(4)
+    vertices = np.pad(mesh[0][:, :2] @ plane.T, ((0, 0), (0, 1)))
+    way = sgmds.SurfaceMap(mesh, (vertices, mesh[1]), *nearest(mesh, mesh))
+    left, _, right = np.linalg.svd(plane)
+    turn = np.zeros((3, 3))
+    turn[:2, :2], turn[2, 2] = left @ right, np.sign(np.linalg.det(plane))
+    given = np.array([0.48, -0.36, 0.8])
+    square = mesh[0][mesh[1]][..., :2] * 0.5 + 0.5
+    found = baked_normals(way, square, np.tile(given, (8, 8, 1)), (np.eye(3), np.eye(3)), 16)
+    # Single precision.
+    np.testing.assert_allclose(found, np.tile(turn @ given, (16, 16, 1)), atol=1e-6)
+    # In spaces of their own: y up on the source, and an inverted z on the target.
+    up, inverted = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]]), np.diag([1.0, 1.0, -1.0])
+    found = baked_normals(way, square, np.tile(up.T @ given, (8, 8, 1)), (up, inverted), 16)
+    np.testing.assert_allclose(found, np.tile(inverted @ turn @ given, (16, 16, 1)), atol=1e-6)
+
+
+def test_a_ball_s_own_normals_become_an_ellipsoid_s():
+    """A sixth of a ball, whose map of normals is x/|x|, taken to A x, whose normals are A⁻ᵀx."""
+    a = 0.6
+    turn = np.array([[np.cos(a), 0.0, -np.sin(a)], [0.0, 1.0, 0.0], [np.sin(a), 0.0, np.cos(a)]])
+    stretch = turn @ np.diag([1.0, 1.6, 0.7])
+
+    def unit(points):
+        return points / np.linalg.norm(points, axis=-1, keepdims=True)
+
+    def on_ball(uv):
+        return unit(np.concatenate([uv * 2.0 - 1.0, np.ones_like(uv[..., :1])], axis=-1))
+
+    side = 96
+    texel = (np.stack(np.meshgrid(np.arange(side), np.arange(side)), axis=-1) + 0.5) / side
+    expected = unit(on_ball(texel) @ np.linalg.inv(stretch))
+    errors = []
+    for cells in (8, 16, 32):
+        flat, faces = grid(cells)
+        uv = flat[:, :2] * 0.5 + 0.5
+        ball = on_ball(uv)
+        way = sgmds.SurfaceMap(
+            (ball, faces), (ball @ stretch.T, faces), *nearest((flat, faces), (flat, faces))
+        )
+        found = baked_normals(way, uv[faces], on_ball(texel), (np.eye(3), np.eye(3)), side)
+        # At the border a vertex lacks the triangles of one side, which makes its normal one of first order.
+        inner = slice(side // 4, -side // 4)
+        errors.append(np.abs(found - expected)[inner, inner].max())
+    # Normals of vertices, and what lies between them, are of second order.
+    assert errors[0] < 0.05
+    assert all(before / after > 3.0 for before, after in zip(errors, errors[1:], strict=False)), errors
 
 
 def test_seams_cut_the_faces_that_they_cross():

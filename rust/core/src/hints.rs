@@ -34,6 +34,16 @@ impl Which {
             Self::Source => Self::Target,
         }
     }
+
+    /// Units of length of the other shape that one of this one is, by how many of the source one of the target is;
+    /// and back.
+    #[must_use]
+    pub fn seen(self, lengths: f64) -> f64 {
+        match self {
+            Self::Target => lengths,
+            Self::Source => 1.0 / lengths,
+        }
+    }
 }
 
 /// Known pairs of points, with distances from them over both surfaces.

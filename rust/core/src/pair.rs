@@ -44,6 +44,24 @@ impl Shares {
         source: 2.0,
     };
 
+    /// That either is a part of the other.
+    #[must_use]
+    pub fn of_part(part: Which) -> Self {
+        match part {
+            Which::Target => Self::TARGET_IS_PART,
+            Which::Source => Self::SOURCE_IS_PART,
+        }
+    }
+
+    /// Weight of a shape's points asking the other.
+    #[must_use]
+    pub fn of(self, which: Which) -> f64 {
+        match which {
+            Which::Target => self.target,
+            Which::Source => self.source,
+        }
+    }
+
     /// Which shape is a part of the other, if one is.
     #[must_use]
     pub fn part(self) -> Option<Which> {
@@ -168,7 +186,16 @@ pub struct Pair<'a> {
     pub mirror_offsets: Option<[&'a [f32]; 2]>,
 }
 
-impl Pair<'_> {
+impl<'a> Pair<'a> {
+    /// Either shape.
+    #[must_use]
+    pub fn shape(&self, which: Which) -> &'a Shape {
+        match which {
+            Which::Target => self.target,
+            Which::Source => self.source,
+        }
+    }
+
     /// Whether the shapes' units of length are known to differ.
     #[must_use]
     pub fn knows_lengths(&self) -> bool {

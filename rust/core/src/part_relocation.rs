@@ -112,7 +112,7 @@ fn moved(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hints::Hints;
+    use crate::hints::{Hints, Which};
     use crate::pair::Shares;
     use crate::shape::Shape;
     use crate::testing::{self, RINGS, torus};
@@ -123,7 +123,7 @@ mod tests {
     fn relocated_on(part: &Shape, whole: &Shape, images: &[u32]) -> Vec<Vec<u32>> {
         let hints = Hints::default();
         let pair = testing::pair(part, whole, Shares::TARGET_IS_PART, &hints);
-        let pair = PartInWhole::of(&pair);
+        let pair = PartInWhole::of(&pair, Which::Target);
         relocated(&pair, images, &Progress::default()).expect("goes on")
     }
 

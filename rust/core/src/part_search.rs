@@ -18,7 +18,8 @@ use rayon::prelude::*;
 
 use crate::dense;
 use crate::error::Result;
-use crate::pair::{Pair, Shares};
+use crate::hints::Which;
+use crate::pair::Pair;
 use crate::progress::Check;
 use crate::shape::Shape;
 
@@ -53,24 +54,18 @@ pub struct PartInWhole<'a> {
     pub whole: &'a Shape,
     /// Units of length of the whole that one of the part is.
     pub unit: f32,
-    target_is_part: bool,
+    part_is: Which,
 }
 
 impl<'a> PartInWhole<'a> {
-    /// By the pair's shares, which say which shape is the part, and its lengths.
+    /// By the shape that is the part, and the pair's lengths.
     #[must_use]
-    pub fn of(pair: &Pair<'a>) -> Self {
-        let target_is_part = pair.shares == Shares::TARGET_IS_PART;
-        let (part, whole, unit) = if target_is_part {
-            (pair.target, pair.source, pair.lengths)
-        } else {
-            (pair.source, pair.target, 1.0 / pair.lengths)
-        };
+    pub fn of(pair: &Pair<'a>, part_is: Which) -> Self {
         Self {
-            part,
-            whole,
-            unit: unit as f32,
-            target_is_part,
+            part: pair.shape(part_is),
+            whole: pair.shape(part_is.other()),
+            unit: part_is.seen(pair.lengths) as f32,
+            part_is,
         }
     }
 
@@ -87,10 +82,9 @@ impl<'a> PartInWhole<'a> {
         let whole_size = ((size as f32 / (self.unit * self.unit)).round() as usize).min(most);
         let here = dense::gather_rows(part.basis.functions.as_ref(), asking, size);
         let there = dense::gather_rows(whole.basis.functions.as_ref(), images, whole_size);
-        let (from, to) = if self.target_is_part {
-            (there.as_ref(), here.as_ref())
-        } else {
-            (here.as_ref(), there.as_ref())
+        let (from, to) = match self.part_is {
+            Which::Target => (there.as_ref(), here.as_ref()),
+            Which::Source => (here.as_ref(), there.as_ref()),
         };
         let gram = dense::product(from.transpose(), from);
         let right = dense::product(from.transpose(), to);

@@ -151,9 +151,17 @@ pub fn graded(figures: &Figures, shares: Shares) -> (Grade, Vec<String>) {
             "distances change by {d:.1} % of √area: the bodies differ"
         ));
     }
+    // What a part lacks of the target goes to one rim or another of it.
+    let torn = figures.torn > 0.0 && shares != Shares::SOURCE_IS_PART;
+    if torn {
+        reasons.push(
+            "neighbours on the target go to places far apart: limbs may have grown together where they touch".into(),
+        );
+    }
     let grade = if score < SCORE.0 {
         Grade::Red
-    } else if score < SCORE.1 || doubtful(figures) || figures.mirrored_gain > MIRRORED_GAIN {
+    } else if score < SCORE.1 || torn || doubtful(figures) || figures.mirrored_gain > MIRRORED_GAIN
+    {
         Grade::Amber
     } else {
         Grade::Green
@@ -162,4 +170,29 @@ pub fn graded(figures: &Figures, shares: Shares) -> (Grade, Vec<String>) {
         reasons.push("distances, curvatures and orientation agree".into());
     }
     (grade, reasons)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_torn_surface_is_not_green_unless_it_is_met_by_a_part() {
+        let good = Figures {
+            orientation: 0.9,
+            local_distortion: 0.01,
+            agreement: 0.9,
+            margin: MARGIN.1,
+            ..Figures::default()
+        };
+        let torn = Figures { torn: 0.01, ..good };
+        assert_eq!(graded(&good, Shares::BOTH).0, Grade::Green);
+        let (grade, reasons) = graded(&torn, Shares::BOTH);
+        assert_eq!(grade, Grade::Amber);
+        assert!(
+            reasons.iter().any(|r| r.contains("far apart")),
+            "{reasons:?}"
+        );
+        assert_eq!(graded(&torn, Shares::SOURCE_IS_PART).0, Grade::Green);
+    }
 }

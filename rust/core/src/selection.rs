@@ -113,6 +113,8 @@ pub struct Figures {
     /// How much worse the best direct map would be than the best mirrored one, 1 and below when
     /// it is not.
     pub mirrored_gain: f64,
+    /// Share of the target's area at which a completed map tears the surface: images of neighbours lie farther apart.
+    pub torn: f64,
 }
 
 impl Figures {

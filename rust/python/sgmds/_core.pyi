@@ -166,6 +166,9 @@ class SurfaceMap:
         weights: _Floats,
     ) -> tuple[_Floats, _Floats, _Floats]: ...
     def followed(self, points: _Floats, pieces: _Ids) -> _Floats: ...
+    def strands(
+        self, roots: _Floats, points: _Floats, strands: NDArray[np.uint32]
+    ) -> tuple[_Floats, _Floats, _Ids, _Floats, _Floats]: ...
     def bake(
         self,
         source_uv: _Floats,
@@ -179,6 +182,7 @@ class SurfaceMap:
         closest: bool,
         used: tuple[NDArray[np.bool_] | None, NDArray[np.bool_] | None],
         frames: Sequence[_Floats] | None,
+        spaces: Sequence[Sequence[Sequence[float]]] | None,
         progress: _Progress = None,
     ) -> tuple[NDArray[np.float32], int]: ...
     def filled(self, values: _Floats, unknown: NDArray[np.bool_]) -> _Floats: ...

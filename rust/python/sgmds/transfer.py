@@ -78,6 +78,22 @@ class SkinWeights:
         return table
 
 
+@dataclass(frozen=True)
+class Strands:
+    """Hair on the target.
+
+    `points` (n, 3) are those that were given. For each strand: `scales` (strands,), by which it grew;
+    `faces` (strands,) and `barycentric` (strands, 3), the target's triangle on which it stands and the
+    weights of its corners; `confidence` (strands,) in that place, 0 where the target has no counterpart.
+    """
+
+    points: Floats
+    scales: Floats
+    faces: Ids
+    barycentric: Floats
+    confidence: Floats
+
+
 class SurfaceMap:
     """A map between two meshes, along which data travels.
 
@@ -333,6 +349,19 @@ class SurfaceMap:
         pieces = np.full(len(points), -1) if pieces is None else pieces
         return self._core.followed(points, checked_array("pieces", pieces, np.int64, len(points)))
 
+    def strands(self, roots: ArrayLike, points: ArrayLike, strands: ArrayLike) -> Strands:
+        """Hair: points (n, 3) of strands that have their roots (strands, 3) on or beside the source.
+
+        `strands` (n,) is the strand of each point. A strand stands on the target where the map takes the
+        surface under its root, and keeps its shape: it is turned and scaled as a whole, as the surface there.
+        """
+        roots = _finite("roots", checked_array("roots", roots, np.float64, None, 3))
+        points = _finite("points", checked_array("points", points, np.float64, None, 3))
+        strands = checked_array("strands", strands, np.uint32, len(points))
+        if len(strands) and strands.max() >= len(roots):
+            raise ArgumentError(f"`strands` names strand {strands.max()}, but there are {len(roots)} roots")
+        return Strands(*self._core.strands(roots, points, strands))
+
     def bake(
         self,
         source_uv: ArrayLike,
@@ -348,6 +377,7 @@ class SurfaceMap:
         source_triangles: ArrayLike | None = None,
         target_triangles: ArrayLike | None = None,
         tangent_frames: Sequence[ArrayLike] | None = None,
+        normal_spaces: Sequence[ArrayLike] | None = None,
         progress: Progress | None = None,
     ) -> NDArray[np.float32]:
         """A texture of the source baked into the target's own layout: (height, width, 4) float32.
@@ -364,9 +394,14 @@ class SurfaceMap:
         texture, by default everywhere: it is looked up on those of the source alone, and baked over those of
         the target alone. For a tangent-space normal map give `tangent_frames`: normals (m_source, 3, 3) and
         tangents (m_source, 3, 4) of the source's triangle corners, then those of the target's; the tangent's
-        fourth number is the sign of the bitangent. `progress` is as in `match`.
+        fourth number is the sign of the bitangent. For a map of normals in object space, or another one that
+        is the same all over, give `normal_spaces`: a matrix (3, 3) that takes the image's normals to the
+        coordinates of the source's vertices, and one that takes normals in those of the target to the
+        result's. `progress` is as in `match`.
         """
         width, height = checked_count("width", width, 1), checked_count("height", height, 1)
+        if tangent_frames is not None and normal_spaces is not None:
+            raise ArgumentError("give `tangent_frames` or `normal_spaces`, not both")
         frames = None
         if tangent_frames is not None:
             names = ("source normals", "source tangents", "target normals", "target tangents")
@@ -375,6 +410,14 @@ class SurfaceMap:
             frames = [
                 _finite(name, checked_array(name, values, np.float64, None, 3, 3 if "normals" in name else 4))
                 for name, values in zip(names, tangent_frames, strict=True)
+            ]
+        spaces = None
+        if normal_spaces is not None:
+            if not isinstance(normal_spaces, Sequence) or len(normal_spaces) != 2:
+                raise ArgumentError("`normal_spaces` should be two matrices, of source and target")
+            spaces = [
+                _finite("normal_spaces", checked_array("normal_spaces", space, np.float64, 3, 3)).tolist()
+                for space in normal_spaces
             ]
         tiles = image if isinstance(image, Mapping) else {(0, 0): image}
         used = [
@@ -402,6 +445,7 @@ class SurfaceMap:
             closest,
             (used[0], used[1]),
             frames,
+            spaces,
             progress,
         )
         return pixels

@@ -323,6 +323,7 @@ impl RawMatch {
                 apart,
                 agreement,
                 mirrored_gain,
+                torn,
             } = *figures;
             dict.set_item("orientation", orientation)?;
             dict.set_item("local_distortion", local_distortion)?;
@@ -331,6 +332,7 @@ impl RawMatch {
             dict.set_item("apart", apart)?;
             dict.set_item("agreement", agreement)?;
             dict.set_item("mirrored_gain", mirrored_gain)?;
+            dict.set_item("torn", torn)?;
         }
         if let Some(end) = &self.found.convergence {
             dict.set_item("energy", end.energy)?;

@@ -12,11 +12,11 @@ use sgmds_core::Error;
 use sgmds_core::transfer::corners::{self, CornerValues, Polygons};
 use sgmds_core::transfer::diffusion::Diffusion;
 use sgmds_core::transfer::joints::fitted_joints;
+use sgmds_core::transfer::normal_maps::{FixedSpace, TangentSpace};
 use sgmds_core::transfer::seam_cuts::seam_cuts;
 use sgmds_core::transfer::skin_weights::{Locked, SkinOptions, SkinWeights, carried_skin};
-use sgmds_core::transfer::texture::{
-    self, Bake, Content, Extension, Image, TangentSpace, Texture, Tile,
-};
+use sgmds_core::transfer::strands::Root;
+use sgmds_core::transfer::texture::{self, Bake, Content, Extension, Image, Texture, Tile};
 use sgmds_core::transfer::{self, Surface, curves, displacement, labels, layout};
 
 use crate::watched::watched;
@@ -123,6 +123,40 @@ impl SurfaceMap {
         let (map, points) = (Arc::clone(&self.map), triples(&points)?);
         let moved = watched(py, None, None, move |_| map.followed(&points, &pieces))?;
         table(py, moved)
+    }
+
+    /// Points of hair (n, 3), each of one of the strands whose roots are given: where they go, and for each
+    /// strand its scale, target triangle, weights of that triangle's corners and confidence.
+    #[expect(clippy::type_complexity, reason = "one array for each")]
+    fn strands<'py>(
+        &self,
+        py: Python<'py>,
+        roots: PyReadonlyArray2<'py, f64>,
+        points: PyReadonlyArray2<'py, f64>,
+        strands: Vec<u32>,
+    ) -> PyResult<(
+        Array2<'py, f64>,
+        Array1<'py, f64>,
+        Array1<'py, i64>,
+        Array2<'py, f64>,
+        Array1<'py, f64>,
+    )> {
+        let (map, places) = (Arc::clone(&self.map), triples(&roots)?);
+        let points = triples(&points)?;
+        let (roots, moved) = watched(py, None, None, move |_| {
+            let roots = map.roots(&places)?;
+            let moved = points.iter().zip(&strands);
+            let moved: Vec<[f64; 3]> = moved.map(|(&p, &s)| roots[s as usize].apply(p)).collect();
+            Ok((roots, moved))
+        })?;
+        let each = |pick: fn(&Root) -> f64| roots.iter().map(pick).collect::<Vec<f64>>();
+        Ok((
+            table(py, moved)?,
+            each(|r| r.frame.scale).into_pyarray(py),
+            whole(roots.iter().map(|r| r.point.face)).into_pyarray(py),
+            table(py, roots.iter().map(|r| r.point.weights).collect())?,
+            each(|r| r.confidence).into_pyarray(py),
+        ))
     }
 
     /// Images of the target's vertices in space, (n, 3).
@@ -410,8 +444,9 @@ impl SurfaceMap {
     ///
     /// `tiles` are the columns and rows of UV units with their images (h, w, 4). `used` are the source's and
     /// the target's triangles with the texture; by default all.
-    /// `frames` are the normals (m, 3, 3) and tangents (m, 3, 4) of source and target, for normal maps.
-    #[pyo3(signature = (source_uv, target_uv, tiles, width, height, margin, straight_alpha, extension, closest, used, frames, progress=None))]
+    /// `frames` are the normals (m, 3, 3) and tangents (m, 3, 4) of source and target, for tangent-space
+    /// normal maps; `spaces` the matrices to the source's and from the target's coordinates for others.
+    #[pyo3(signature = (source_uv, target_uv, tiles, width, height, margin, straight_alpha, extension, closest, used, frames, spaces, progress=None))]
     #[expect(
         clippy::too_many_arguments,
         reason = "keyword arguments of the Python function"
@@ -430,6 +465,7 @@ impl SurfaceMap {
         closest: bool,
         used: [Option<PyReadonlyArray1<'py, bool>>; 2],
         frames: Option<[PyReadonlyArray3<'py, f64>; 4]>,
+        spaces: Option<[[[f64; 3]; 3]; 2]>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<(Array3<'py, f32>, usize)> {
         let map = Arc::clone(&self.map);
@@ -465,9 +501,23 @@ impl SurfaceMap {
             })
             .transpose()?;
         let baked = watched(py, progress, None, |state| {
-            let content = match &frames {
-                None => Content::Colour { straight_alpha },
-                Some((source, target)) => Content::Normals {
+            let [source_normals, target_normals] = match spaces {
+                None => [vec![], vec![]],
+                Some(_) => [&map.source, &map.target].map(Surface::vertex_normals),
+            };
+            let content = match (&frames, spaces) {
+                (None, None) => Content::Colour { straight_alpha },
+                (None, Some([source, target])) => Content::FixedNormals {
+                    source: FixedSpace {
+                        normals: &source_normals,
+                        matrix: source,
+                    },
+                    target: FixedSpace {
+                        normals: &target_normals,
+                        matrix: target,
+                    },
+                },
+                (Some((source, target)), _) => Content::TangentNormals {
                     source: TangentSpace {
                         normals: &source.0,
                         tangents: &source.1,

@@ -11,7 +11,7 @@ use super::of_part::{
     with_relocations,
 };
 use crate::error::{Error, Result};
-use crate::hints::Hints;
+use crate::hints::{Hints, Which};
 use crate::map_search::{SampledPair, Width};
 use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
 use crate::progress::Progress;
@@ -95,18 +95,17 @@ pub(super) fn whole_or_part(
     if best[0].shares != Shares::BOTH || !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
         return Ok(best);
     }
-    for (shares, part, within) in [
-        (Shares::TARGET_IS_PART, pair.target, (0.4, 0.45)),
-        (Shares::SOURCE_IS_PART, pair.source, (0.45, 0.5)),
-    ] {
-        let mut found = found_or_none(search(guided, shares, Width::USUAL, within))?;
-        let better = if part.mesh.is_open() {
+    for (part_is, within) in [(Which::Target, (0.4, 0.45)), (Which::Source, (0.45, 0.5))] {
+        let as_part = search(guided, Shares::of_part(part_is), Width::USUAL, within);
+        let mut found = found_or_none(as_part)?;
+        let is_open = pair.shape(part_is).mesh.is_open();
+        let better = if is_open {
             PART_FITS_BETTER
         } else {
             CLOSED_PART_FITS_BETTER
         };
-        if part.mesh.is_open() {
-            let placed = placed_anyhow(pair, shares, &found, progress)?;
+        if is_open {
+            let placed = placed_anyhow(pair, part_is, &found, progress)?;
             found = selection::merged(pair.source, found, placed);
         }
         if fits_better(&found, &whole, better) && fits_better(&found, &best[0].figures, 1.0) {
@@ -133,21 +132,24 @@ fn fits_better(found: &[Hypothesis], other: &Figures, times: f64) -> bool {
 /// The hypotheses; before them those of a part with known lengths where these fit better.
 fn or_part(
     pair: &Pair<'_>,
-    part: Option<(Shares, f64)>,
+    part: Option<(Which, f64)>,
     mut best: Vec<Hypothesis>,
     progress: &Progress,
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
-    let Some((shares, lengths)) = part.filter(|part| may_be_part(pair, &best[0], *part)) else {
+    let Some((part_is, lengths)) = part.filter(|part| may_be_part(pair, &best[0], *part)) else {
         return Ok(best);
     };
     let whole = best[0].figures;
     report(0.0)?;
-    let as_part = &Pair { shares, ..*pair };
+    let as_part = &Pair {
+        shares: Shares::of_part(part_is),
+        ..*pair
+    };
     let searched = hypotheses(as_part, Width::NARROW, progress, &|_, f| report(0.5 * f));
     let mut starts = found_or_none(searched)?;
     starts.extend(best.iter().cloned());
-    let mut found = placed(pair, (shares, lengths), &starts, progress)?;
+    let mut found = placed(pair, (part_is, lengths), &starts, progress)?;
     report(1.0)?;
     let better = if quality::doubtful(&whole) {
         KNOWN_PART_FITS_BETTER
@@ -168,12 +170,12 @@ pub(super) fn as_asked(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
     let mut found = hypotheses(pair, Width::USUAL, progress, report);
-    if pair.shares != Shares::BOTH {
+    if let Some(part_is) = pair.shares.part() {
         let searched = found_or_none(found)?;
-        let given = part_by_given_lengths(pair).filter(|&(shares, _)| shares == pair.shares);
+        let given = part_by_given_lengths(pair).filter(|&(given, _)| given == part_is);
         let more = match given {
             Some(part) => placed(pair, part, &searched, progress),
-            None => placed_anyhow(pair, pair.shares, &searched, progress),
+            None => placed_anyhow(pair, part_is, &searched, progress),
         }?;
         found = Ok(selection::merged(pair.source, searched, more));
     }

@@ -6,6 +6,7 @@ use faer::Mat;
 
 use super::completed::{Completed, judged, ranked};
 use crate::error::Result;
+use crate::hints::Which;
 use crate::pair::{Pair, Part, Shares};
 use crate::part_relocation;
 use crate::part_search::{self, PartInWhole};
@@ -39,14 +40,14 @@ const COVERED_ROUNDS: usize = 2;
 const COVERED_WELL: f64 = 1.2;
 
 /// Which open shape is a part, and lengths, if both are of one size as given: it is then clearly smaller.
-pub(super) fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Shares, f64)> {
+pub(super) fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Which, f64)> {
     let lengths = pair.target.unit / pair.source.unit;
     let is_part =
         |shape: &Shape, length: f64| shape.mesh.is_open() && PART_LENGTHS.contains(&length);
     if is_part(pair.target, lengths) {
-        Some((Shares::TARGET_IS_PART, lengths))
+        Some((Which::Target, lengths))
     } else if is_part(pair.source, 1.0 / lengths) {
-        Some((Shares::SOURCE_IS_PART, lengths))
+        Some((Which::Source, lengths))
     } else {
         None
     }
@@ -54,7 +55,7 @@ pub(super) fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Shares, f64)> {
 
 /// Whether a map between wholes may be that of a part of such lengths: it is doubtful, stretches the surface, or
 /// says so of distances.
-pub(super) fn may_be_part(pair: &Pair<'_>, map: &Hypothesis, (_, lengths): (Shares, f64)) -> bool {
+pub(super) fn may_be_part(pair: &Pair<'_>, map: &Hypothesis, (_, lengths): (Which, f64)) -> bool {
     pair.uses(Part::Retry)
         && map.shares == Shares::BOTH
         && (quality::doubtful(&map.figures)
@@ -71,17 +72,17 @@ fn grows_to(pair: &Pair<'_>, map: &Hypothesis, lengths: f64) -> bool {
 /// Hypotheses for a part of known lengths: from distances between samples, and from maps found otherwise.
 pub(super) fn placed(
     pair: &Pair<'_>,
-    (shares, lengths): (Shares, f64),
+    (part_is, lengths): (Which, f64),
     others: &[Hypothesis],
     progress: &Progress,
 ) -> Result<Vec<Hypothesis>> {
     let pair = &Pair {
-        shares,
+        shares: Shares::of_part(part_is),
         lengths,
         ..*pair
     };
     let check = || progress.check();
-    let mut starts = part_search::first_maps(&PartInWhole::of(pair), &check)?;
+    let mut starts = part_search::first_maps(&PartInWhole::of(pair, part_is), &check)?;
     starts.extend(others.iter().take(OTHER_STARTS).map(|h| h.matrix.clone()));
     selection::of_part(pair, &starts, &check)
 }
@@ -89,18 +90,13 @@ pub(super) fn placed(
 /// Those for a part whose lengths nothing tells.
 pub(super) fn placed_anyhow(
     pair: &Pair<'_>,
-    shares: Shares,
+    part_is: Which,
     others: &[Hypothesis],
     progress: &Progress,
 ) -> Result<Vec<Hypothesis>> {
     let mut found = Vec::new();
     for length in ASSUMED_PART_LENGTHS {
-        let lengths = if shares == Shares::TARGET_IS_PART {
-            length
-        } else {
-            1.0 / length
-        };
-        let more = placed(pair, (shares, lengths), others, progress)?;
+        let more = placed(pair, (part_is, part_is.seen(length)), others, progress)?;
         found = selection::merged(pair.source, found, more);
     }
     Ok(found)
@@ -171,13 +167,14 @@ pub(super) fn with_relocations<'a>(
 
 /// First maps by the samples of a part, some moved to where the rest of its map would have them.
 fn relocated(pair: &Pair<'_>, map: &Refined<'_>, progress: &Progress) -> Result<Vec<Mat<f64>>> {
-    let side = if pair.shares == Shares::TARGET_IS_PART {
-        map.target()
-    } else {
-        map.source()
+    let Some(part_is) = pair.shares.part() else {
+        return Ok(Vec::new());
     };
-    let pair = PartInWhole::of(pair);
-    let found = part_relocation::relocated(&pair, &side.images.vertex, progress)?;
+    let (pair, images) = (
+        PartInWhole::of(pair, part_is),
+        &map.side(part_is).images.vertex,
+    );
+    let found = part_relocation::relocated(&pair, images, progress)?;
     found.iter().map(|images| pair.fitted(images)).collect()
 }
 
@@ -192,20 +189,21 @@ pub(super) fn refine_on_covered<'a>(
 ) -> Result<()> {
     let of_part = hypothesis.is_of_part();
     let part = if of_part {
-        Some((hypothesis.shares, map.state.lengths()))
+        let part_is = hypothesis.shares.part();
+        part_is.map(|part_is| (part_is, map.state.lengths()))
     } else {
         part_by_given_lengths(pair).filter(|part| may_be_part(pair, hypothesis, *part))
     };
-    let Some((shares, lengths)) = part else {
+    let Some((part_is, lengths)) = part else {
         return Ok(());
     };
     let pair = &Pair {
-        shares,
+        shares: Shares::of_part(part_is),
         lengths,
         ..*pair
     };
     let mut as_part = Hypothesis {
-        shares,
+        shares: pair.shares,
         lengths,
         ..hypothesis.clone()
     };

@@ -12,7 +12,7 @@ use crate::hints::{Hints, Which};
 use crate::mesh::Mesh;
 use crate::pair::{Pair, Shares};
 use crate::progress::Progress;
-use crate::refinement::embedded_surface::{self, FULL, Refined, seen_from};
+use crate::refinement::embedded_surface::{self, FULL, Refined};
 use crate::shape::Shape;
 use crate::space_tree::SpaceTree;
 use crate::vector::Point;
@@ -55,7 +55,7 @@ pub fn refined_on_covered<'a>(
         return Ok(None);
     };
     let (part, whole) = (found.side(part_is), found.side(part_is.other()));
-    let lengths = seen_from(part_is, pair.lengths);
+    let lengths = part_is.seen(pair.lengths);
     let Some(piece) = Piece::around(whole.shape(), &part.images.vertex, lengths, progress)? else {
         return Ok(None);
     };

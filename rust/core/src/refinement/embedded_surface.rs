@@ -232,10 +232,7 @@ pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a
 
 impl<'a> Side<'a> {
     fn new(pair: &Pair<'a>, which: Which, drawn: Option<usize>) -> Self {
-        let (shape, share) = match which {
-            Which::Target => (pair.target, pair.shares.target),
-            Which::Source => (pair.source, pair.shares.source),
-        };
+        let (shape, share) = (pair.shape(which), pair.shares.of(which));
         let mesh = &shape.mesh;
         let (asking, neighbours, weights) = if let Some(count) = drawn {
             let asking = shape.drawn_vertices(count);
@@ -424,7 +421,7 @@ impl<'a> Refined<'a> {
             deformed: Mat::zeros(0, 3),
             matrix: Mat::zeros(0, 0),
             shared: Vec::new(),
-            lengths: seen_from(moving_is, pair.lengths),
+            lengths: moving_is.seen(pair.lengths),
         }
     }
 
@@ -493,7 +490,7 @@ impl<'a> Refined<'a> {
     }
 
     /// The side of either.
-    pub(super) fn side(&self, which: Which) -> &Side<'a> {
+    pub(crate) fn side(&self, which: Which) -> &Side<'a> {
         if which == self.moving_is {
             &self.moving
         } else {
@@ -512,7 +509,7 @@ impl<'a> Refined<'a> {
     /// Units of length of the source that one of the target is.
     #[must_use]
     pub fn lengths(&self) -> f64 {
-        seen_from(self.moving_is, self.lengths)
+        self.moving_is.seen(self.lengths)
     }
 
     /// Goes through a schedule from the present images; `report` is told the fraction done.
@@ -525,7 +522,9 @@ impl<'a> Refined<'a> {
         if schedule.drawn.is_none() && !pair.knows_lengths() {
             let [on_source, on_target] =
                 [self.target(), self.source()].map(|side| &side.images.vertex);
-            self.lengths = seen_from(self.moving_is, relative_length(pair, on_source, on_target));
+            self.lengths = self
+                .moving_is
+                .seen(relative_length(pair, on_source, on_target));
         }
         self.place_moving_on_still();
         let (before, detail) = if schedule.two_ways {
@@ -979,15 +978,6 @@ fn fitted(
         })
         .collect();
     Ok((matrix, shared))
-}
-
-/// Units of length of the other shape that one of this one is, by how many of the source one of the target is; and
-/// back.
-pub(super) fn seen_from(shape: Which, lengths: f64) -> f64 {
-    match shape {
-        Which::Target => lengths,
-        Which::Source => 1.0 / lengths,
-    }
 }
 
 /// Exhaustive for the farthest-point samples, spread from there to the vertices that ask.

@@ -7,8 +7,8 @@ use rayon::prelude::*;
 use crate::error::{Error, Result};
 use crate::pointwise_map::SurfacePoint;
 use crate::progress::Progress;
-use crate::transfer::corners::plane_weights;
 use crate::transfer::layout::scan_rows;
+use crate::transfer::normal_maps::{FixedSpace, Spot, TangentSpace};
 use crate::transfer::surface::blend;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
 use crate::vector::{self, Point};
@@ -167,16 +167,6 @@ impl Image<'_> {
     }
 }
 
-/// Normals and tangents at the corners of triangles, `(m, 3)`: unit vectors, the tangent's fourth
-/// number being the sign of the bitangent.
-#[derive(Debug, Clone, Copy)]
-pub struct TangentSpace<'a> {
-    /// Normals.
-    pub normals: &'a [[Point; 3]],
-    /// Tangents along u.
-    pub tangents: &'a [[[f64; 4]; 3]],
-}
-
 /// What an image holds.
 #[derive(Debug, Clone, Copy)]
 pub enum Content<'a> {
@@ -186,11 +176,18 @@ pub enum Content<'a> {
         straight_alpha: bool,
     },
     /// Normals in the tangent frames of the source, wanted in those of the target.
-    Normals {
+    TangentNormals {
         /// Frames in which the image's normals are.
         source: TangentSpace<'a>,
         /// Frames in which they are wanted.
         target: TangentSpace<'a>,
+    },
+    /// Normals in one space all over the source, wanted in one all over the target.
+    FixedNormals {
+        /// Space in which the image's normals are.
+        source: FixedSpace<'a>,
+        /// Space in which they are wanted.
+        target: FixedSpace<'a>,
     },
 }
 
@@ -202,6 +199,21 @@ impl Content<'_> {
                 straight_alpha: true
             }
         )
+    }
+
+    /// A texel of the source as one of the target.
+    fn carried(&self, texel: [f32; CHANNELS], spot: &Spot<'_>) -> [f32; CHANNELS] {
+        let [r, g, b, alpha] = texel;
+        let normal = [r, g, b].map(|c| f64::from(c) * 2.0 - 1.0);
+        let turned = match self {
+            Self::Colour { .. } => return texel,
+            Self::TangentNormals { source, target } => {
+                spot.between_tangents(normal, source, target)
+            }
+            Self::FixedNormals { source, target } => spot.between_fixed(normal, source, target),
+        };
+        let [r, g, b] = turned.map(|c| (c * 0.5 + 0.5) as f32);
+        [r, g, b, alpha]
     }
 }
 
@@ -308,15 +320,25 @@ fn check(map: &SurfaceMap, bake: &Bake<'_>) -> Result<()> {
     let (source, target) = (map.source.triangles.len(), map.target.triangles.len());
     check_rows("source_uv", bake.source_uv.len(), source)?;
     check_rows("target_uv", bake.target_uv.len(), target)?;
-    if let Content::Normals {
-        source: from,
-        target: to,
-    } = bake.content
-    {
-        check_rows("source normals", from.normals.len(), source)?;
-        check_rows("source tangents", from.tangents.len(), source)?;
-        check_rows("target normals", to.normals.len(), target)?;
-        check_rows("target tangents", to.tangents.len(), target)?;
+    match bake.content {
+        Content::Colour { .. } => {}
+        Content::TangentNormals {
+            source: from,
+            target: to,
+        } => {
+            check_rows("source normals", from.normals.len(), source)?;
+            check_rows("source tangents", from.tangents.len(), source)?;
+            check_rows("target normals", to.normals.len(), target)?;
+            check_rows("target tangents", to.tangents.len(), target)?;
+        }
+        Content::FixedNormals {
+            source: from,
+            target: to,
+        } => {
+            let counts = [&map.source, &map.target].map(|surface| surface.vertices.len());
+            check_rows("source normals", from.normals.len(), counts[0])?;
+            check_rows("target normals", to.normals.len(), counts[1])?;
+        }
     }
     for (name, used, count) in [
         ("source_triangles", bake.source_used, source),
@@ -441,11 +463,14 @@ impl TargetTriangle {
                     [0, 1, 2].map(|k| weights[k] + dx * self.steps[0][k] + dy * self.steps[1][k]);
                 let place = self.place(map, bake.source_used, w, guess);
                 let uv = uv_at(&bake.source_uv[place.face as usize], place.weights);
-                let mut texel = bake.texture.at(uv, straight);
-                if let Content::Normals { source, target } = bake.content {
-                    texel = self.turned(map, texel, &place, w, source, target);
-                }
-                mean.add(texel);
+                let spot = Spot {
+                    map,
+                    triangle: self.number,
+                    images: self.images,
+                    weights: w,
+                    source: place,
+                };
+                mean.add(bake.content.carried(bake.texture.at(uv, straight), &spot));
             }
         }
         mean.texel()
@@ -488,59 +513,6 @@ impl TargetTriangle {
         *guess = Some(found.face);
         found
     }
-
-    /// A normal of the source's tangent frame in the target's.
-    fn turned(
-        &self,
-        map: &SurfaceMap,
-        texel: [f32; CHANNELS],
-        place: &SurfacePoint,
-        weights: [f64; 3],
-        source: TangentSpace<'_>,
-        target: TangentSpace<'_>,
-    ) -> [f32; CHANNELS] {
-        let local = [0, 1, 2].map(|c| f64::from(texel[c]) * 2.0 - 1.0);
-        let (normal, tangent, bitangent) = frame_at(source, place.face as usize, place.weights);
-        let carried = vector::normalised(blend([tangent, bitangent, normal], local));
-        let (_, along, across) = frame_at(target, self.number as usize, weights);
-        // Directions on the target's triangle as directions on the source, by the map itself.
-        let [a, b, c] = map.target.corners(self.number);
-        let taken = |direction: Point| {
-            let w = plane_weights(&map.target, self.number, vector::add(a, direction));
-            let moved = blend(self.images, w);
-            vector::sub(moved, self.images[0])
-        };
-        let size = vector::distance(a, b).max(vector::distance(a, c));
-        let flat = |v: Point| vector::sub(v, vector::scaled(normal, vector::dot(v, normal)));
-        let u = vector::normalised(flat(taken(vector::scaled(along, size))));
-        let v = flat(taken(vector::scaled(across, size)));
-        let v = vector::normalised(vector::sub(v, vector::scaled(u, vector::dot(v, u))));
-        let turned = [u, v, normal].map(|axis| vector::dot(axis, carried));
-        [
-            (turned[0] * 0.5 + 0.5) as f32,
-            (turned[1] * 0.5 + 0.5) as f32,
-            (turned[2] * 0.5 + 0.5) as f32,
-            texel[3],
-        ]
-    }
-}
-
-/// Normal, tangent and bitangent within a triangle; unit vectors, at right angles.
-fn frame_at(space: TangentSpace<'_>, triangle: usize, weights: [f64; 3]) -> (Point, Point, Point) {
-    let normal = vector::normalised(blend(space.normals[triangle], weights));
-    let corners = space.tangents[triangle];
-    let tangent = blend(corners.map(|t| [t[0], t[1], t[2]]), weights);
-    let tangent = vector::sub(
-        tangent,
-        vector::scaled(normal, vector::dot(normal, tangent)),
-    );
-    let tangent = vector::normalised(tangent);
-    let sign = if corners[0][3] < 0.0 { -1.0 } else { 1.0 };
-    (
-        normal,
-        tangent,
-        vector::scaled(vector::cross(normal, tangent), sign),
-    )
 }
 
 /// Mean of texels, in which colours with straight alpha count by their alpha.
