@@ -47,6 +47,12 @@ def material(name, build):
     return made
 
 
+def coloured(name, colour):
+    made = material(name, None)
+    made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*colour, 1.0)
+    return made
+
+
 def shown_attribute(name):
     def build(nodes):
         node = nodes.new("ShaderNodeVertexColor")
@@ -113,9 +119,7 @@ def add_materials(obj, character):
     names = np.array([name.startswith(("hips", "chest", "neck", "head")) for name in character.body.names])
     trunk = names[character.part][character.faces].sum(axis=1) >= 2
     for name, colour in (("Limbs", (0.10, 0.28, 0.55)), ("Trunk", (0.85, 0.45, 0.15))):
-        made = material(name, None)
-        made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*colour, 1.0)
-        obj.data.materials.append(made)
+        obj.data.materials.append(coloured(name, colour))
     obj.data.polygons.foreach_set("material_index", trunk.astype(np.int32))
 
 
@@ -264,14 +268,40 @@ def parts_scene(source, target, given):
     return "objects", [], material("Plain", None)
 
 
+def hair_scene(source, target, given):
+    """Hair curves on the crown, combed back."""
+    add_layout(source, given)
+    body = given.body
+    head = body.names.index("head")
+    axis = body.ends[head] - body.starts[head]
+    middle = body.starts[head] + 0.55 * axis
+    outward = given.vertices - middle
+    outward /= np.linalg.norm(outward, axis=1)[:, None]
+    roots = np.flatnonzero((given.part == head) & (outward @ (0.0, 0.55, 0.83) > 0.35))
+    steps = np.linspace(0.0, 1.0, 8)[None, :, None]
+    combed = 0.22 * steps * outward[roots][:, None] + steps**2 * np.array((0.0, 0.16, -0.25))
+    strands = bpy.data.hair_curves.new("Hair")
+    strands.add_curves([steps.size] * len(roots))
+    points = given.vertices[roots][:, None] + combed
+    strands.position_data.foreach_set("vector", points.astype(np.float32).ravel())
+    radius = np.broadcast_to(0.012 * (1.0 - 0.8 * steps), points[..., :1].shape)
+    strands.attributes.new("radius", "FLOAT", "POINT").data.foreach_set(
+        "value", radius.astype(np.float32).ravel()
+    )
+    strands.materials.append(coloured("Hair", (0.22, 0.06, 0.02)))
+    strands.surface = source
+    hair = bpy.data.objects.new("Hair", strands)
+    hair.parent = source
+    bpy.context.collection.objects.link(hair)
+    return "uv,objects", [], material("Plain", None)
+
+
 def add_part(source, name, place, colour):
     """The active object as a companion of the source, at a place of its own space."""
     part = bpy.context.object
     part.name = name
     bpy.ops.object.shade_smooth()
-    made = material(name, None)
-    made.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*colour, 1.0)
-    part.data.materials.append(made)
+    part.data.materials.append(coloured(name, colour))
     part.parent, part.location = source, place
 
 
@@ -285,6 +315,7 @@ SCENES = {
     "marks": marks_scene,
     "attributes": attributes_scene,
     "parts": parts_scene,
+    "hair": hair_scene,
 }
 
 

@@ -308,10 +308,10 @@ def _source(context, job, name, brought, with_objects):
 
 def _remove(brought):
     for obj in brought:
-        mesh = obj.data
+        data = obj.data
         bpy.data.objects.remove(obj)
-        if not mesh.users:
-            bpy.data.meshes.remove(mesh)
+        if not data.users:
+            bpy.data.batch_remove([data])
 
 
 def _targets(context, pattern, sources, hanging):

@@ -92,15 +92,15 @@ def carry_all(target, options, chosen):
     _check_twins(route, wanted, options)
     with seam_splits.split(route, wanted[uv_maps.KIND.identifier], options) as (route, notes):
         route.wanted = wanted
-        prepared = [
-            kind.prepare(route, wanted[kind.identifier], options) for kind in KINDS if wanted[kind.identifier]
-        ]
-    for part in prepared:
+        for kind in KINDS:
+            if wanted[kind.identifier]:
+                route.prepared.append(kind.prepare(route, wanted[kind.identifier], options))
+    for part in route.prepared:
         part.write()
     if any(wanted[kind.identifier] for kind in (shape_keys.KIND, armatures.KIND, companions.KIND)):
         redirect(route, options)
     target.data.update()
-    return notes + [note for part in prepared for note in part.notes]
+    return notes + [note for part in route.prepared for note in part.notes]
 
 
 def _check_twins(route, wanted, options):

@@ -226,7 +226,7 @@ def fit_constraints(rig, own, options):
             copy = fitted.constraints.get(constraint.name)
             if copy is None or getattr(copy, "target", None) is None or constraint.target is None:
                 continue
-            there, here = _at_rest(constraint), _at_rest(copy)
+            there, here = at_rest(constraint), at_rest(copy)
             if constraint.type == "CHILD_OF" and constraint.inverse_matrix != Matrix():
                 copy.inverse_matrix = here.inverted_safe() @ there @ constraint.inverse_matrix
             length = {"STRETCH_TO": "rest_length", "LIMIT_DISTANCE": "distance"}.get(constraint.type)
@@ -241,7 +241,7 @@ def _head_at_rest(rig, bone):
     return rig.matrix_world @ bone.bone.head_local
 
 
-def _at_rest(constraint):
+def at_rest(constraint):
     """World matrix of what a constraint looks at, its bones at rest."""
     seen = constraint.target
     bone = seen.data.bones.get(constraint.subtarget) if seen.type == "ARMATURE" else None

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Attributes of any domain and type, and the rule by which each travels."""
 
+from functools import partial
+
 import numpy as np
 
 from .. import mesh_read
@@ -11,9 +13,9 @@ from .kind import Kind, Prepared
 SEAMS, OLD_SEAMS = "uv_seam", ".uv_seam"
 # Attributes that are carried by another kind, or are the mesh itself.
 BUILT_IN = frozenset(
-    "position material_index sharp_face sharp_edge uv_seam crease_edge crease_vert bevel_weight_edge "
+    "position material_index sharp_face sharp_edge crease_edge crease_vert bevel_weight_edge "
     "bevel_weight_vert freestyle_edge freestyle_face shade_smooth custom_normal id".split()
-)
+) | {SEAMS}
 # A mixture of two of these is neither; they come from one place.
 DISCRETE = frozenset(("INT", "INT8", "BOOLEAN", "INT16_2D", "INT32_2D", "STRING"))
 # Marks of edges are curves, however many there are; other numbers of edges are not.
@@ -32,16 +34,21 @@ def _is_plain(layer):
 
 
 def prepare(route, wanted, _options):
+    return Prepared(partial(carried(route, wanted), route.target.data))
+
+
+def carried(route, wanted):
+    """A function that writes these attributes of the source onto a mesh with the target's faces."""
     layers = [route.source.data.attributes[name] for name in wanted]
     for layer in layers:
         check_name(route.target, layer.name, layer.data_type, layer.domain)
-    carried = [(layer.name, layer.data_type, layer.domain, _carry(route, layer)) for layer in layers]
+    values = [(layer.name, layer.data_type, layer.domain, _carry(route, layer)) for layer in layers]
 
-    def write():
-        for layer in carried:
-            write_attribute(route.target.data, *layer)
+    def write(mesh):
+        for layer in values:
+            write_attribute(mesh, *layer)
 
-    return Prepared(write)
+    return write
 
 
 def _carry(route, layer):

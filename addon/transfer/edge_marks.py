@@ -3,7 +3,7 @@
 
 from ..mesh_write import read_attribute
 from . import attributes
-from .kind import Kind
+from .kind import Kind, shading
 
 # What an artist calls it → the mesh attribute that Blender keeps it in.
 MARKS = {
@@ -32,8 +32,9 @@ def _kept(mesh, name):
     return MARKS[name]
 
 
-def prepare(route, wanted, options):
-    return attributes.prepare(route, [_kept(route.source.data, name) for name in wanted], options)
+def prepare(route, wanted, _options):
+    kept = [_kept(route.source.data, name) for name in wanted]
+    return shading(route.target, attributes.carried(route, kept))
 
 
 KIND = Kind(

@@ -11,10 +11,13 @@ from ..mesh_read import UnusableObjectError
 
 @dataclass(frozen=True)
 class Normals:
-    """What a tangent-space normal map needs: the UV map of its tangents, and where its green points."""
+    """What a normal map needs: TANGENT, OBJECT or WORLD, the UV map of its tangents, if it has such, and the
+    channels that count downwards.
+    """
 
+    space: str
     uv: str
-    green_down: bool
+    downwards: frozenset
 
 
 @dataclass(frozen=True)
@@ -161,23 +164,37 @@ def _mapping(material, node, mapping):
     return Matrix.LocRotScale(location, Euler(rotation), scale)
 
 
+BLENDER = "BLENDER_"
+
+
 def _normals(source, material, groups, node):
     found = normal_maps(groups, node)
     if not found:
         return None
-    for normal_map, _ in found:
-        if normal_map.space != "TANGENT":
+    what = f"Image '{node.image.name}' of material '{material.name}' holds normals"
+    spaces = {normal_map.space for normal_map in found}
+    if len(spaces) > 1:
+        which = ", ".join(sorted(f"'{normal_map.name}'" for normal_map in found))
+        raise UnusableObjectError(
+            f"{what} for nodes of different spaces ({which}), which cannot be baked. Give each space an image"
+        )
+    (space,) = spaces
+    downwards = frozenset().union(*(way.downwards for way in found.values()))
+    if space != "TANGENT":
+        exchanged = next((normal_map for normal_map, way in found.items() if way.exchanged), None)
+        if exchanged is not None:
             raise UnusableObjectError(
-                f"Image '{node.image.name}' of material '{material.name}' holds normals that are not in "
-                f"Tangent space (node '{normal_map.name}'), which cannot be baked"
+                f"{what} whose channels are exchanged on the way to node '{exchanged.name}', which cannot be "
+                "baked. Exchange them in the image itself"
             )
-    names = {normal_map.uv_map or _shown_uv(source.data) for normal_map, _ in found}
+        return Normals(space.removeprefix(BLENDER), "", downwards)
+    names = {normal_map.uv_map or _shown_uv(source.data) for normal_map in found}
     missing = sorted(name for name in names if name not in source.data.uv_layers)
     if missing:
         raise _without_uv(
             material, node, f"with tangents of '{missing[0]}', which is no UV map of '{source.name}',"
         )
-    return Normals(min(names), any(green_down for _, green_down in found))
+    return Normals(space, min(names), downwards)
 
 
 # Nodes out of which a normal map still comes when one goes in.
@@ -187,37 +204,67 @@ PASSING = {
     "COMBRGB", "COMBXYZ",
 }  # fmt: skip
 FACTORS = {"Fac", "Factor"}
-GREEN = 1
+CHANNELS = RED, GREEN, BLUE = range(3)
+
+
+@dataclass(frozen=True)
+class Way:
+    """What nodes do to a normal map: which channels they turn downwards, and whether they exchange some."""
+
+    downwards: frozenset = frozenset()
+    exchanged: bool = False
+
+    def joined(self, other):
+        return Way(self.downwards | other.downwards, self.exchanged or other.exchanged)
 
 
 def normal_maps(groups, node):
-    """Normal Map nodes that the image node ends in, each with whether green points down on the way to it."""
+    """Normal Map nodes that the image node ends in, each with the `Way` to it."""
     found, seen = {}, set()
-    open_ends = [(tuple(groups), node.outputs["Color"], None, False)]
+    open_ends = [(tuple(groups), node.outputs["Color"], None, Way())]
     while open_ends:
         end = open_ends.pop()
         if end in seen:
             continue
         seen.add(end)
-        groups, socket, channel, green_down = end
+        groups, socket, channel, way = end
         for link in socket.links:
             after, into = link.to_node, link.to_socket
             if link.is_muted or into.name in FACTORS:
                 continue
             if after.type == "NORMAL_MAP":
-                directx = getattr(after, "convention", "OPENGL") == "DIRECTX"
-                found[after] = found.get(after, False) or green_down != directx
+                found[after] = found.get(after, way).joined(way)
             elif after.type == "GROUP" and after.node_tree is not None:
                 inputs = (n for n in after.node_tree.nodes if n.type == "GROUP_INPUT")
                 inner = (*groups, after)
-                open_ends += [(inner, _same(n.outputs, into), channel, green_down) for n in inputs]
+                open_ends += [(inner, _same(n.outputs, into), channel, way) for n in inputs]
             elif after.type == "GROUP_OUTPUT" and groups:
-                open_ends.append((groups[:-1], _same(groups[-1].outputs, into), channel, green_down))
+                open_ends.append((groups[:-1], _same(groups[-1].outputs, into), channel, way))
             elif after.type in PASSING:
-                turned = green_down != (not after.mute and _turns_green(after, into, channel))
+                on = way if after.mute else _through(way, after, into, channel)
                 for place, out in enumerate(after.outputs):
-                    open_ends.append((groups, out, _channel_of(after, channel, place), turned))
-    return list(found.items())
+                    open_ends.append((groups, out, _channel_of(after, channel, place), on))
+    return {
+        normal_map: Way(way.downwards ^ _convention(normal_map), way.exchanged)
+        for normal_map, way in found.items()
+    }
+
+
+def _convention(normal_map):
+    """Channels that a Normal Map node reads downwards.
+
+    Those of the spaces named after Blender are what its former renderer baked, as Cycles reads them.
+    """
+    directx = getattr(normal_map, "convention", "OPENGL") == "DIRECTX"
+    downwards = {GREEN} if directx else set()
+    return downwards ^ ({GREEN, BLUE} if normal_map.space.startswith(BLENDER) else set())
+
+
+def _through(way, node, into, channel):
+    """The way behind a node. What becomes of a channel in another's place says nothing about its own."""
+    if node.type.startswith("COMB") and channel is not None and node.inputs[channel] != into:
+        return Way(exchanged=True)
+    return Way(way.downwards ^ _turned_by(node, into, channel), way.exchanged)
 
 
 def _channel_of(node, channel, place):
@@ -227,15 +274,22 @@ def _channel_of(node, channel, place):
     return None if node.type.startswith("COMB") else channel
 
 
-def _turns_green(node, into, channel):
-    """Whether the node takes green to one minus green."""
-    if node.type == "CURVE_RGB" and channel is None:
-        node.mapping.initialize()
-        curve = node.mapping.curves[GREEN]
-        ends = [node.mapping.evaluate(curve, at) for at in (0.0, 1.0)]
-        return ends[0] > ends[1]
-    if channel != GREEN:
-        return False
+def _turned_by(node, into, channel):
+    """Channels that the node takes to one minus what they are."""
+    if channel is not None:
+        return {channel} if _turns(node, into) else set()
+    if node.type != "CURVE_RGB":
+        return set()
+    node.mapping.initialize()
+
+    def at(channel, value):
+        return node.mapping.evaluate(node.mapping.curves[channel], value)
+
+    return {channel for channel in CHANNELS if at(channel, 0.0) > at(channel, 1.0)}
+
+
+def _turns(node, into):
+    """Whether the node takes a number to one minus the number."""
     if node.type == "MATH" and node.operation == "SUBTRACT":
         return into == node.inputs[1] and not node.inputs[0].is_linked and node.inputs[0].default_value == 1.0
     if node.type == "MATH" and node.operation == "MULTIPLY_ADD":

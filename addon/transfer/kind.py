@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import partial
 
 
 def _nothing():
@@ -13,11 +14,17 @@ def _nothing():
 class Prepared:
     """Data ready on the other side: `write` puts it onto the target, `notes` need the artist's attention.
 
-    `write` may add a note about what shows only then.
+    Where it changes how the target is shaded, `shade(mesh)` puts it onto any mesh with the target's faces.
     """
 
     write: Callable[[], None] = _nothing
     notes: Sequence[str] = ()
+    shade: Callable | None = None
+
+
+def shading(target, shade):
+    """`Prepared` data that change how the target is shaded."""
+    return Prepared(partial(shade, target.data), shade=shade)
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@
 import bpy
 import numpy as np
 
-from .kind import Kind, Prepared
+from .kind import Kind, shading
 
 
 def names(source):
@@ -12,12 +12,24 @@ def names(source):
 
 
 def prepare(route, _wanted, _options):
-    # Where coordinates are stretched, what stands on the surface shrinks.
-    given = _unit(corner_normals(route.source.data) @ np.linalg.inv(route.source_stretch))
+    to_source, from_target = matrices(route)
+    given = _unit(corner_normals(route.source.data) @ to_source.T)
     carried = route.map.corner_values(*route.faces, given[route.triangle_corners])
     turn, _ = route.map_as_seen.frames
-    carried = _unit(np.einsum("cij,cj->ci", turn[route.faces[1]], carried) @ route.target_stretch)
-    return Prepared(lambda: _write(route.target.data, carried))
+    carried = _unit(np.einsum("cij,cj->ci", turn[route.faces[1]], carried) @ from_target.T)
+    return shading(route.target, lambda mesh: _write(mesh, carried))
+
+
+def matrices(route, space="OBJECT"):
+    """What takes normals in a space of the source to its surface as seen, and those of the target's surface
+    as seen to its space: (3, 3) each. Lengths do not count. `space` is OBJECT or WORLD.
+    """
+    # Where coordinates are stretched, what stands on the surface shrinks.
+    to_source, from_target = np.linalg.inv(route.source_stretch), route.target_stretch
+    if space == "WORLD":
+        source, target = (np.array(obj.matrix_world)[:3, :3] for obj in (route.source, route.target))
+        to_source, from_target = to_source @ source.T, np.linalg.inv(target).T @ from_target
+    return to_source, from_target
 
 
 def _unit(normals):

@@ -5,7 +5,7 @@ import re
 
 import bpy
 
-from . import armatures, companions, shape_keys
+from . import armatures, attachment, companions, shape_keys
 from .sides import flip_name, name_on_target
 
 # A bone or shape key in a data path.
@@ -33,7 +33,7 @@ def redirect(route, options):
             rigs.append((rig, own))
             exchanged |= _with_data(rig, own)
     for companion in companions.hanging(route.source):
-        own = companions.copy_of(target, companion)
+        own = attachment.copy_of(target, companion)
         if own is not None:
             copies.append(own)
             exchanged |= _with_data(companion, own)
@@ -49,6 +49,9 @@ def redirect(route, options):
                 _drivers(held.animation_data.drivers, exchanged, options)
         for modifier in obj.modifiers:
             point(modifier, exchanged, options)
+        if obj.type != "MESH":
+            # The surface of hair, what a curve is bevelled with.
+            point(obj.data, exchanged, options)
         for bone in obj.pose.bones if obj.pose else []:
             for constraint in bone.constraints:
                 point(constraint, exchanged, options)

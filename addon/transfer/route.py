@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The way from source to target: a stored match together with both meshes' faces and corners."""
 
+from contextlib import contextmanager
 from functools import cached_property
 
+import bpy
 import numpy as np
 from mathutils import Matrix
 
@@ -19,14 +21,15 @@ class Route:
     `map` is the core's, in the coordinates of the two meshes, and `map_as_seen` that of the two bodies as the
     objects' scales stretch them, for what has directions and distances in space; `faces` are the target's
     faces as the core takes them: first corners and vertices of corners. `wanted` names what is carried, by
-    kind. Raises `UnusableObjectError` when the target has no match that still holds.
+    kind, and `prepared` is what is ready of it. Raises `UnusableObjectError` when the target has no match
+    that still holds.
     """
 
     def __init__(self, target):
         mesh_read.check_usable(target, as_target=True)
         stored_match.require(target)
         self.source, self.target = target.spectral_match_source, target
-        self.wanted = {}
+        self.wanted, self.prepared = {}, []
         self.triangle_corners, self.triangle_faces = mesh_read.triangle_corners(self.source.data)
         self.triangles = mesh_read.corner_vertices(self.source.data)[self.triangle_corners]
         self.faces = mesh_read.face_starts(target.data), mesh_read.corner_vertices(target.data)
@@ -44,6 +47,22 @@ class Route:
     @cached_property
     def _target_fans(self):
         return mesh_read.triangle_corners(self.target.data)
+
+    @contextmanager
+    def mesh_as_written(self):
+        """The target's mesh as what is `prepared` will shade it: a copy, removed in the end, or itself."""
+        shades = [part.shade for part in self.prepared if part.shade is not None]
+        if not shades:
+            yield self.target.data
+            return
+        mesh = self.target.data.copy()
+        try:
+            for shade in shades:
+                shade(mesh)
+            mesh.update()
+            yield mesh
+        finally:
+            bpy.data.meshes.remove(mesh)
 
     @property
     def target_corners(self):

@@ -14,15 +14,13 @@ from .armatures import MADE_FROM
 from .image_nodes import image_nodes, images, laid, normal_maps
 from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
 from .kind import Kind, Prepared
-from .normals import corner_normals
+from .normals import matrices
 from .uv_maps import read_uv
 
 LARGEST_TRIANGULATED = 4
 TILE_ROWS = 100
 # A layout that reaches into the next unit of UV by less than this does not need its tile.
 BEYOND = 1e-4
-# Corner normals that differ by less are the same in a normal map of 8 bits.
-NORMAL_STEP = 1.0 / 255.0
 
 
 def names(source):
@@ -48,16 +46,16 @@ def prepare(route, wanted, options):
     except UnusableObjectError as reason:
         notes.append(str(reason))
     else:
-        for use, materials in _materials_of(uses).items():
-            try:
-                baked[use] = _bake(route, use, materials, target_uv, options)
-            except UnusableObjectError as reason:
-                notes.append(str(reason))
+        with route.mesh_as_written() as mesh:
+            for use, materials in _materials_of(uses).items():
+                try:
+                    baked[use] = _bake(route, mesh, use, materials, target_uv, options)
+                except UnusableObjectError as reason:
+                    notes.append(str(reason))
     # An image that several nodes or materials lay on in the same way is told of once.
     notes = list(dict.fromkeys(notes))
     if not baked and not any(others for kind, others in route.wanted.items() if kind != KIND.identifier):
         raise UnusableObjectError(" ".join(notes))
-    shading = corner_normals(route.target.data)
     if options.bake_material:
         notes += _unseen(route, uses, baked)
 
@@ -69,8 +67,6 @@ def prepare(route, wanted, options):
         for image in images.values():
             # Without a user it would not be saved.
             image.use_fake_user = not image.users
-        # Marks and custom normals are written before.
-        notes.extend(_shaded_anew(route, baked, shading))
 
     return Prepared(write, notes)
 
@@ -176,8 +172,8 @@ def _cells(route, name, uv):
     )
 
 
-def _bake(route, use, materials, target_uv, options):
-    """Pixels of each tile of the baked image, by the tile's number."""
+def _bake(route, mesh, use, materials, target_uv, options):
+    """Pixels of each tile of the baked image, by the tile's number; `mesh` is the target's as it will be."""
     image = use.image
     slots = [place for place, slot in enumerate(route.source.material_slots) if slot.material in materials]
     source_used, target_used = (np.isin(shown, slots) for shown in _slots_shown(route))
@@ -194,20 +190,15 @@ def _bake(route, use, materials, target_uv, options):
     given = read_uv(route.source.data, use.uv)[route.triangle_corners] @ placing[:, :2].T + placing[:, 2]
     wanted = read_uv(route.target.data, target_uv)[route.target_corners]
     cells = _cells(route, target_uv, wanted[target_used])
-    frames = None
-    if use.normals is not None:
-        frames = (
-            *_tangent_frames(route.source, use.normals.uv, route.triangle_corners),
-            *_tangent_frames(route.target, target_uv, route.target_corners),
-        )
-        if use.normals.green_down:
-            tiles = {cell: _green_turned(pixels) for cell, pixels in tiles.items()}
+    way, turning = _turning(route, mesh, use.normals, target_uv)
+    downwards = () if use.normals is None else use.normals.downwards
+    tiles = {cell: _turned(pixels, downwards) for cell, pixels in tiles.items()}
     manager = bpy.context.window_manager
     manager.progress_begin(0.0, len(cells))
     baked = {}
     try:
         for done, cell in enumerate(cells):
-            pixels = route.map.bake(
+            pixels = way.bake(
                 given,
                 wanted - cell,
                 tiles,
@@ -219,11 +210,10 @@ def _bake(route, use, materials, target_uv, options):
                 closest=use.closest,
                 source_triangles=source_used,
                 target_triangles=target_used,
-                tangent_frames=frames,
                 progress=partial(_show_progress, manager, done),
+                **turning,
             )
-            turned = use.normals is not None and use.normals.green_down
-            baked[number_of(*cell)] = _green_turned(pixels) if turned else pixels
+            baked[number_of(*cell)] = _turned(pixels, downwards)
     except core.load().SgmdsError as reason:
         raise UnusableObjectError(f"Image '{image.name}' cannot be baked: {reason}") from reason
     finally:
@@ -235,10 +225,13 @@ def _show_progress(manager, done, _stage, fraction):
     manager.progress_update(done + fraction)
 
 
-def _green_turned(pixels):
-    """Texels with green pointing the other way; empty ones stay empty."""
+def _turned(pixels, channels):
+    """Texels with these channels counting the other way; empty ones stay empty."""
+    if not channels:
+        return pixels
     turned = pixels.copy()
-    turned[..., 1] = np.where(pixels.any(axis=-1), 1.0 - pixels[..., 1], 0.0)
+    for channel in channels:
+        turned[..., channel] = np.where(pixels.any(axis=-1), 1.0 - pixels[..., channel], 0.0)
     return turned
 
 
@@ -257,9 +250,24 @@ def _slots_shown(route):
     return mesh_read.slots_shown(route.source)[route.triangle_faces], slot[route.target_triangle_faces]
 
 
-def _tangent_frames(obj, uv, triangle_corners):
-    """Normals (m, 3, 3) and tangents with sign (m, 3, 4) at the triangles' corners, as renderers use them."""
-    mesh = obj.data
+def _turning(route, mesh, normals, target_uv):
+    """The core's map to bake by, and what turns the image's normals, none for colours."""
+    if normals is None:
+        return route.map, {}
+    if normals.space != "TANGENT":
+        return route.map_as_seen, {"normal_spaces": matrices(route, normals.space)}
+    frames = (
+        *_tangent_frames(route.source.data, normals.uv, route.triangle_corners, route.source),
+        *_tangent_frames(mesh, target_uv, route.target_corners, route.target),
+    )
+    return route.map, {"tangent_frames": frames}
+
+
+def _tangent_frames(mesh, uv, triangle_corners, obj):
+    """Normals (m, 3, 3) and tangents with sign (m, 3, 4) at the corners of triangles, as renderers use them.
+
+    The mesh is the object's, or a copy of it.
+    """
     if any(face.loop_total > LARGEST_TRIANGULATED for face in mesh.polygons):
         raise UnusableObjectError(
             f"'{obj.name}' has faces with more than {LARGEST_TRIANGULATED} corners, which have no tangents. "
@@ -277,17 +285,6 @@ def _tangent_frames(obj, uv, triangle_corners):
         mesh.free_tangents()
     tangents = np.column_stack([tangent.reshape(-1, 3), sign])
     return normal.reshape(-1, 3)[triangle_corners], tangents[triangle_corners]
-
-
-def _shaded_anew(route, baked, shading):
-    """Words about normal maps that were baked to another `shading` than what the target has by now."""
-    images = sorted({f"'{use.image.name}'" for use in baked if use.normals is not None})
-    if not images or np.abs(corner_normals(route.target.data) - shading).max() < NORMAL_STEP:
-        return []
-    return [
-        f"Normal maps baked from {', '.join(images)} fit the shading that '{route.target.name}' had before "
-        "sharp edges or custom normals came with them. Transfer Textures once more"
-    ]
 
 
 def _unseen(route, uses, baked):
@@ -380,7 +377,7 @@ def _exchange(material, images, uv):
             named[tree].parent, named[tree].location = node.parent, node.location
             named[tree].location.x -= node.width
         tree.links.new(named[tree].outputs["UV"], node.inputs["Vector"])
-        for normal_map, _ in normal_maps(groups, node):
+        for normal_map in normal_maps(groups, node):
             normal_map.uv_map = uv
 
 

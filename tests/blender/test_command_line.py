@@ -51,18 +51,21 @@ def files(registered, tmp_path_factory):
 
 
 def test_objects_of_a_source_file_come_along_and_leave_again(files, tmp_path):
-    """An eye on the hero: its copy stays with the orc; what does not hang on the hero never comes."""
+    """Eye and hair of the hero: copies stay with the orc; what does not hang on the hero never comes."""
     bpy.ops.wm.open_mainfile(filepath=str(files / "hero.blend"))
     for name in ("Eye", "Stone"):
         new_object(name, 0.08 * lumpy(3)[0] + (0.3, 0.4, 0.9), lumpy(3)[1])
-    bpy.data.objects["Eye"].parent = bpy.data.objects["Hero"]
+    hair = bpy.data.objects.new("Hair", bpy.data.hair_curves.new("Hair"))
+    bpy.context.collection.objects.link(hair)
+    hair.data.surface = bpy.data.objects["Eye"].parent = bpy.data.objects["Hero"]
     bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "hero.blend"))
     bpy.ops.wm.open_mainfile(filepath=str(files / "orc.blend"))
     words = ["batch", "--source", "Hero", "--source-file", str(tmp_path / "hero.blend"), "--target", "[EO]*"]
     output = tmp_path / "out.blend"
     assert command_line.run([*words, "--transfer", "objects", "--output", str(output)]) == 0
     bpy.ops.wm.open_mainfile(filepath=str(output))
-    assert sorted(bpy.data.objects.keys()) == ["Eye Orc", "Orc", "Pot"]
+    assert sorted(bpy.data.objects.keys()) == ["Eye Orc", "Hair Orc", "Orc", "Pot"]
+    assert bpy.data.objects["Hair Orc"].data.surface == bpy.data.objects["Orc"]
     copy = bpy.data.objects["Eye Orc"]
     expected = turned(0.08 * lumpy(3)[0] + (0.3, 0.4, 0.9))
     found = [copy.matrix_world @ vertex.co for vertex in copy.data.vertices]

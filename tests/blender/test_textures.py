@@ -8,6 +8,7 @@ import bpy
 import numpy as np
 import pytest
 from conftest import lumpy, new_object, renumbered, turned
+from mathutils import Euler
 from test_transfer import transfer
 from test_transfer_kinds import give_texture, photo, psnr, store_copy, uv_cube
 
@@ -271,10 +272,21 @@ def by_a_circle(body):
     body.links.new(reroute.outputs[0], mapping.inputs["Vector"])
 
 
-def in_object_space(body):
+def in_two_spaces(body):
+    for space in ("OBJECT", "BLENDER_OBJECT"):
+        normal_map = body.nodes.new("ShaderNodeNormalMap")
+        normal_map.space = space
+        body.links.new(body.node.outputs["Color"], normal_map.inputs["Color"])
+
+
+def with_channels_exchanged(body):
     normal_map = body.nodes.new("ShaderNodeNormalMap")
     normal_map.space = "OBJECT"
-    body.links.new(body.node.outputs["Color"], normal_map.inputs["Color"])
+    separate, combine = (body.nodes.new(f"ShaderNode{kind}Color") for kind in ("Separate", "Combine"))
+    body.links.new(body.node.outputs["Color"], separate.inputs[0])
+    for out, into in ((0, 0), (1, 2), (2, 1)):
+        body.links.new(separate.outputs[out], combine.inputs[into])
+    body.links.new(combine.outputs[0], normal_map.inputs["Color"])
 
 
 @pytest.mark.parametrize(
@@ -284,7 +296,11 @@ def in_object_space(body):
         (by_generated_place, "'Paint' of material 'Painted' is laid on by Generated of 'Texture Coordinate'"),
         (by_a_circle, "'Paint' of material 'Painted' is laid on by the fixed value of"),
         (moving, "'Paint' has frames"),
-        (in_object_space, "'Paint' of material 'Painted' holds normals that are not in Tangent space"),
+        (in_two_spaces, "'Paint' of material 'Painted' holds normals for nodes of different spaces"),
+        (
+            with_channels_exchanged,
+            "holds normals whose channels are exchanged on the way to node 'Normal Map'",
+        ),
     ],
 )
 def test_an_image_that_cannot_be_baked_is_left_out_in_words(body, spoil, words):
@@ -464,6 +480,19 @@ def with_green_turned(body, normal_map):
     body.links.new(combine.outputs[0], normal_map.inputs["Color"])
 
 
+def with_blue_made_anew(body, normal_map):
+    """Blue from one minus green, to which green itself stays as it is."""
+    separate, combine = (body.nodes.new(f"ShaderNode{kind}Color") for kind in ("Separate", "Combine"))
+    minus = body.nodes.new("ShaderNodeMath")
+    minus.operation, minus.inputs[0].default_value = "SUBTRACT", 1.0
+    body.links.new(body.node.outputs["Color"], separate.inputs[0])
+    for place in (0, 1):
+        body.links.new(separate.outputs[place], combine.inputs[place])
+    body.links.new(separate.outputs[1], minus.inputs[1])
+    body.links.new(minus.outputs[0], combine.inputs[2])
+    body.links.new(combine.outputs[0], normal_map.inputs["Color"])
+
+
 def by_curves(body, normal_map):
     curves = body.nodes.new("ShaderNodeRGBCurve")
     green = curves.mapping.curves[1].points
@@ -473,7 +502,8 @@ def by_curves(body, normal_map):
 
 
 @pytest.mark.parametrize(
-    ("link", "is_turned"), [(through_mix, False), (with_green_turned, True), (by_curves, True)]
+    ("link", "is_turned"),
+    [(through_mix, False), (with_green_turned, True), (by_curves, True), (with_blue_made_anew, False)],
 )
 def test_a_normal_map_is_known_through_the_nodes_on_its_way(body, link, is_turned):
     """It is baked as one that is linked directly; one with green down as its counterpart with green up."""
@@ -501,19 +531,103 @@ def test_a_normal_map_is_known_through_the_nodes_on_its_way(body, link, is_turne
     assert copy.uv_map == "Own"
 
 
-def test_a_shading_that_changes_with_the_bake_is_told_of(body):
-    """Marks are written after normal maps were baked to the shading as it was."""
+def directly(body, normal_map):
+    body.links.new(body.node.outputs["Color"], normal_map.inputs["Color"])
+
+
+def with_blue_inverted(body, normal_map):
+    separate, combine = (body.nodes.new(f"ShaderNode{kind}Color") for kind in ("Separate", "Combine"))
+    invert = body.nodes.new("ShaderNodeInvert")
+    body.links.new(body.node.outputs["Color"], separate.inputs[0])
+    for place in (0, 1):
+        body.links.new(separate.outputs[place], combine.inputs[place])
+    body.links.new(separate.outputs[2], invert.inputs["Color"])
+    body.links.new(invert.outputs[0], combine.inputs[2])
+    body.links.new(combine.outputs[0], normal_map.inputs["Color"])
+
+
+def place_unevenly(body):
+    """Stretch and turn the two objects; returns the rotation between the bodies as seen in the world."""
+    vertices, _ = lumpy()
+    moved = turned(vertices)[body.old]
+    about = (Euler((0.3, -0.5, 0.8)).to_matrix(), Euler((-0.4, 0.2, 2.0)).to_matrix())
+    for obj, points, scale, turn in zip(
+        (body.source, body.target), (vertices, moved), ((1.0, 2.0, 0.5), (-0.5, 0.7, 3.0)), about, strict=True
+    ):
+        obj.data.vertices.foreach_set("co", (points / scale).astype(np.float32).ravel())
+        obj.scale, obj.rotation_euler = scale, turn.to_euler()
+        obj.data.update()
+    if np.prod(body.target.scale) < 0.0:
+        body.target.data.flip_normals()
+    bpy.context.view_layer.update()
+    store_copy(body.source, body.target, body.old)
+    between = (turned(np.eye(3)) - turned(np.zeros((1, 3)))).T
+    return np.array(about[1]) @ between @ np.array(about[0]).T
+
+
+@pytest.mark.parametrize("link", [directly, with_green_turned, with_blue_inverted, by_curves])
+@pytest.mark.parametrize("space", ["OBJECT", "WORLD", "BLENDER_OBJECT", "BLENDER_WORLD"])
+def test_normals_in_object_and_world_space_turn_with_the_body(scene, space, link):
+    """The renderer shows the same directions on the copy, turned as the copy is turned in the world.
+
+    Both objects are scaled unevenly, one in a mirror, and turned.
+    """
+    body = Body(photo(8))
+    turn = place_unevenly(body)
+    y, x = np.meshgrid((np.arange(256) + 0.5) / 256, (np.arange(256) + 0.5) / 256, indexing="ij")
+    given = np.dstack([np.sin(7 * x + 2 * y), np.cos(5 * y - x), np.sin(4 * x * y + 1.0)])
+    given /= np.linalg.norm(given, axis=-1, keepdims=True)
+    image = bpy.data.images.new("Normals", 256, 256, alpha=True, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    image.pixels.foreach_set(np.dstack([given * 0.5 + 0.5, np.ones_like(x)]).astype(np.float32).ravel())
+    body.node.image = image
+    normal_map = body.nodes.new("ShaderNodeNormalMap")
+    normal_map.space = space
+    link(body, normal_map)
+    half = body.nodes.new("ShaderNodeVectorMath")
+    half.operation = "MULTIPLY_ADD"
+    half.inputs[1].default_value = half.inputs[2].default_value = (0.5, 0.5, 0.5)
+    body.links.new(normal_map.outputs["Normal"], half.inputs[0])
+    body.links.new(half.outputs[0], body.light.inputs["Color"])
+    expected = body.at_twins(shown(body.source) * 2.0 - 1.0) @ turn.T
+    transfer(body.source, body.target, kinds="textures")
+    assert psnr(shown(body.target), expected * 0.5 + 0.5) > SAME
+    assert not notice.words
+
+
+@pytest.mark.parametrize("brings", ["sharp edges", "flat faces", "custom normals", "all"])
+def test_normal_maps_are_baked_to_the_shading_that_comes_with_them(body, brings):
+    """At once as after it."""
+    mesh = body.source.data
+    body.image.colorspace_settings.name = "Non-Color"
     normal_map = body.nodes.new("ShaderNodeNormalMap")
     body.links.new(body.node.outputs["Color"], normal_map.inputs["Color"])
     for obj in (body.source, body.target):
         obj.data.shade_smooth()
-    told = []
-    for name in ("uv_seam", "sharp_edge"):
-        write_attribute(body.source.data, name, "BOOLEAN", "EDGE", np.ones(len(body.source.data.edges), bool))
-        for _ in range(2):
-            transfer(body.source, body.target, kinds="marks,textures")
-            told.append("fit the shading that 'Target' had before" in notice.words)
-    assert told == [False, False, True, False]
+    rng = np.random.default_rng(3)
+    if brings in {"sharp edges", "all"}:
+        write_attribute(mesh, "sharp_edge", "BOOLEAN", "EDGE", rng.random(len(mesh.edges)) < 0.3)
+    if brings in {"flat faces", "all"}:
+        write_attribute(mesh, "sharp_face", "BOOLEAN", "FACE", rng.random(len(mesh.polygons)) < 0.3)
+    if brings in {"custom normals", "all"}:
+        lean = np.array([vertex.normal for vertex in mesh.vertices])
+        lean += rng.normal(size=lean.shape) * 0.2
+        lean /= np.linalg.norm(lean, axis=1, keepdims=True)
+        mesh.normals_split_custom_set_from_vertices(lean.tolist())
+
+    def baked(kinds):
+        transfer(body.source, body.target, kinds=kinds, bake_uv="Own")
+        assert not notice.words
+        return texels(body.baked()[0]).copy()
+
+    meshes = len(bpy.data.meshes)
+    before = baked("textures")
+    everything = "groups,keys,marks,normals,uv,materials,colours,attributes,textures"
+    at_once = baked(everything if brings == "all" else "marks,normals,textures")
+    np.testing.assert_array_equal(at_once, baked("textures"))
+    # More than ten steps of 8 bits.
+    assert np.abs(at_once - before).max() > 10 / 255
+    assert len(bpy.data.meshes) == meshes
 
 
 def test_faces_of_materials_that_stay_are_baked_as_they_show(body):

@@ -1119,16 +1119,16 @@ def test_what_hangs_on_rig_bones_and_other_objects_comes_along(copies):
     shape = small_ball("Shape", rig)
     rig.pose.bones["Low"].custom_shape = shape
     small_ball("Stone")
-    hair = bpy.data.objects.new("Hair", bpy.data.hair_curves.new("Hair"))
-    bpy.context.collection.objects.link(hair)
-    hair.parent = source
+    cloud = bpy.data.objects.new("Cloud", bpy.data.pointclouds.new("Cloud"))
+    bpy.context.collection.objects.link(cloud)
+    cloud.parent = source
     points = [eye.matrix_world @ vertex.co for vertex in eye.data.vertices]
     assert companions.names(source) == ["Eye", "Hat", "Pupil"]
     # A posed source counts as it is at rest.
     rig.pose.bones["High"].matrix_basis = Matrix.Rotation(0.8, 4, "X")
     bpy.context.view_layer.update()
     transfer(source, target, kinds="groups,armature,objects")
-    assert "these were left: Hair" in notice.words
+    assert "cannot follow the target: 'Cloud'" in notice.words
     fitted = target.find_armature()
     for name, bone in (("Eye", "High"), ("Pupil", "High"), ("Hat", "")):
         (copy,) = copies_of(name)

@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Hair curves: strands that stand on the target where the map takes their roots, and keep their shape."""
+
+import bpy
+import numpy as np
+
+from .. import core
+from ..mesh_write import read_attribute, write_attribute
+from .attachment import in_source, placed
+from .uv_maps import SHARE_ROOM, read_uv
+
+# Attributes of points that are places, as far as hair has them.
+PLACES = ("position", "handle_left", "handle_right")
+SURFACE_UV = "surface_uv_coordinate"
+
+
+def carry(route, companion, _options, notes):
+    """What writes the strands into a copy of the companion; `notes` get what needs attention."""
+    hair, matrix = companion.data, in_source(route, companion)
+    first, count = _strands(hair)
+    strand = np.repeat(np.arange(len(count)), count)
+    names = [name for name in PLACES if _has(hair, name, "FLOAT_VECTOR")]
+    places = np.array([placed(matrix, read_attribute(hair.attributes[name])) for name in names])
+    found = route.map_as_seen.strands(places[0, first], places.reshape(-1, 3), np.tile(strand, len(names)))
+    unsure = np.count_nonzero(found.confidence == 0.0)
+    if unsure:
+        notes.append(
+            f"The roots of {unsure} of {len(count)} strands of '{companion.name}' have no counterpart on "
+            f"'{route.target.name}' and were put onto the nearest place that has one. Check or delete them"
+        )
+    carried = (found.points @ np.linalg.inv(route.target_stretch)).reshape(places.shape)
+    values = {name: ("FLOAT_VECTOR", "POINT", points) for name, points in zip(names, carried, strict=True)}
+    if _has(hair, "radius", "FLOAT"):
+        # As thick as before beside their length.
+        grown = np.cbrt(abs(np.linalg.det(matrix[:3, :3]))) * found.scales[strand]
+        values["radius"] = ("FLOAT", "POINT", read_attribute(hair.attributes["radius"]) * grown)
+    corners = route.target_corners[found.faces]
+
+    def write(own):
+        _own_data(own, companion)
+        for name, value in values.items():
+            write_attribute(own.data, name, *value)
+        if hair.surface == route.source:
+            notes.extend(_attach(route, hair.surface_uv_map, own, corners, found.barycentric))
+        own.data.update_tag()
+
+    return write, None
+
+
+def _has(hair, name, data_type):
+    layer = hair.attributes.get(name)
+    return layer is not None and (layer.data_type, layer.domain) == (data_type, "POINT")
+
+
+def _strands(hair):
+    """First point and number of points of each strand."""
+    first, count = np.empty((2, len(hair.curves)), np.int32)
+    hair.curves.foreach_get("first_point_index", first)
+    hair.curves.foreach_get("points_length", count)
+    return first, count
+
+
+def _own_data(own, companion):
+    """Give the copy hair of its own, made anew where the strands of the companion are others since."""
+    before = own.data
+    if before != companion.data and all(map(np.array_equal, _strands(before), _strands(companion.data))):
+        return
+    own.data = companion.data.copy()
+    own.data.name = own.name
+    if not before.users:
+        bpy.data.hair_curves.remove(before)
+
+
+def _attach(route, wanted, own, corners, weights):
+    """Tell the copy where on the target's UV map each strand stands, as hair nodes ask; returns notes."""
+    target = route.target
+    if route.source.add_rest_position_attribute:
+        target.add_rest_position_attribute = True
+    own.data.surface = target
+    if not wanted:
+        return []
+    layers = target.data.uv_layers
+    if not layers:
+        return [
+            f"Strands of '{own.name}' are attached by the UV map '{wanted}', and '{target.name}' has none. "
+            "For hair nodes carry UV Maps, then Other Objects again"
+        ]
+    name = wanted if wanted in layers else layers.active.name
+    own.data.surface_uv_map = name
+    uv = read_uv(target.data, name)
+    places = np.einsum("ik,ikc->ic", weights, uv[corners])
+    write_attribute(own.data, SURFACE_UV, "FLOAT2", "CURVE", places)
+    notes = []
+    if name != wanted:
+        notes.append(
+            f"'{target.name}' has no UV map '{wanted}': strands of '{own.name}' are attached by '{name}'"
+        )
+    surface = route.target_points[route.target_triangles], uv[route.target_corners]
+    overlap = core.load().judge_layout(*surface)["overlap"]
+    if overlap > SHARE_ROOM:
+        notes.append(
+            f"UV map '{name}' of '{target.name}' has {overlap:.0%} overlapping area, where hair nodes leave "
+            f"strands of '{own.name}' as they are. Attach them by another one"
+        )
+    return notes
