@@ -74,9 +74,10 @@ impl Images {
             };
         }
         // Visits are numbered. A vertex has nothing new to try unless a neighbour's image changed since
-        // its last visit.
+        // its last visit, and tries no image twice in a visit.
         let (mut visit, mut changed_at, mut seen_at) =
             (0u32, vec![0u32; ids.len()], vec![0u32; ids.len()]);
+        let mut tried_at = vec![0u32; answering.0.count()];
         // Where the known images are few, spreading them takes precedence over the limit.
         let mut sweep = 0;
         while sweep < sweeps || self.vertex.contains(&u32::MAX) {
@@ -96,7 +97,11 @@ impl Images {
                 visit += 1;
                 seen_at[i] = visit;
                 let here = asking.0.row(ids[i] as usize);
-                if self.improve(i, here, neighbours, answering) {
+                let is_new = |image: u32| {
+                    let at = &mut tried_at[image as usize];
+                    std::mem::replace(at, visit) < visit
+                };
+                if self.improve(i, here, neighbours, answering, is_new) {
                     changed_at[i] = visit;
                     changed = true;
                 }
@@ -109,7 +114,7 @@ impl Images {
         Ok(())
     }
 
-    /// Tries the images of mesh neighbours, then walks downhill on the answering shape.
+    /// Tries the images of mesh neighbours, then walks downhill on the answering shape; only those that are new.
     #[inline(always)]
     fn improve(
         &mut self,
@@ -117,11 +122,15 @@ impl Images {
         here: &[f32],
         neighbours: &[u32],
         answering: (&Rows, &Adjacency),
+        mut is_new: impl FnMut(u32) -> bool,
     ) -> bool {
         let (start, mut best) = (self.vertex[i], (self.vertex[i], self.cost[i]));
+        if start != u32::MAX {
+            is_new(start);
+        }
         for &j in neighbours {
             let image = self.vertex[j as usize];
-            if image != u32::MAX && image != best.0 {
+            if image != u32::MAX && is_new(image) {
                 let cost = squared_distance(here, answering.0.row(image as usize), best.1);
                 if cost < best.1 {
                     best = (image, cost);
@@ -134,6 +143,9 @@ impl Images {
         loop {
             let from = best.0;
             for &q in answering.1.row(from as usize) {
+                if !is_new(q) {
+                    continue;
+                }
                 let cost = squared_distance(here, answering.0.row(q as usize), best.1);
                 if cost < best.1 {
                     best = (q, cost);
