@@ -56,8 +56,10 @@ pub fn squared_norm(matrix: MatRef<'_, f64>) -> f64 {
     sum
 }
 
-/// Runs a computation compiled for the widest vector registers of this processor; what it calls
-/// has to be inlined into it. The order of operations, and so the result, is the same on all.
+/// Runs a computation compiled for the widest vector registers of this processor; the closure and what it calls
+/// have to be `#[inline(always)]`, or are compiled for the narrowest. The order of operations, and so the result,
+/// is the same on all.
+#[inline(always)]
 pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }

@@ -157,11 +157,14 @@ fn wave_kernel(
         let column = waves.col_as_slice_mut(r);
         let mean: f64 = mass.iter().zip(&*column).map(|(a, w)| a * w).sum();
         // Compiled for vectors: after a matrix product a logarithm otherwise takes ten times as long.
-        dense::vectorised(|| {
-            for w in column.iter_mut() {
-                *w = (*w / mean + WAVE_FLOOR).ln();
-            }
-        });
+        dense::vectorised(
+            #[inline(always)]
+            || {
+                for w in column.iter_mut() {
+                    *w = (*w / mean + WAVE_FLOOR).ln();
+                }
+            },
+        );
         let centre: f64 = mass.iter().zip(&*column).map(|(a, w)| a * w).sum();
         variance += mass
             .iter()

@@ -59,41 +59,44 @@ pub fn nearest_unless(queries: &Rows, points: &Rows, check: Check<'_>) -> Result
 /// Index of the smallest `scores[j] + offsets[j]`, the first of equal ones; both equally long.
 #[must_use]
 pub fn lowest(scores: &[f32], offsets: &[f32]) -> u32 {
-    vectorised(|| lowest_in_lanes(scores, offsets))
+    vectorised(
+        #[inline(always)]
+        || lowest_in_lanes(scores, offsets),
+    )
 }
 
 #[inline(always)]
 fn lowest_in_lanes(scores: &[f32], offsets: &[f32]) -> u32 {
+    /// Sums compared before the lowest of them is compared with that of others.
+    const BLOCK: usize = 128;
+    let (mut lowest, mut start) = (f32::INFINITY, 0);
+    let blocks = scores.chunks(BLOCK).zip(offsets.chunks(BLOCK));
+    for (number, (scores, offsets)) in blocks.enumerate() {
+        let here = lowest_sum(scores, offsets);
+        if here < lowest {
+            (lowest, start) = (here, number * BLOCK);
+        }
+    }
+    let mut sums = scores[start..].iter().zip(&offsets[start..]);
+    let place = sums.position(|(score, offset)| score + offset == lowest);
+    (start + place.unwrap_or(0)) as u32
+}
+
+#[inline(always)]
+fn lowest_sum(scores: &[f32], offsets: &[f32]) -> f32 {
     // Lanes run independently so that the compiler can use vector registers.
     const LANES: usize = 16;
-    let mut best = [f32::INFINITY; LANES];
-    let mut at = [0u32; LANES];
+    let lower = |a: f32, b: f32| if a < b { a } else { b };
     let (score_lanes, offset_lanes) = (scores.chunks_exact(LANES), offsets.chunks_exact(LANES));
-    let rest = score_lanes
-        .remainder()
-        .iter()
-        .zip(offset_lanes.remainder())
-        .map(|(score, offset)| score + offset);
-    for (block, (score, offset)) in score_lanes.zip(offset_lanes).enumerate() {
+    let rest = score_lanes.remainder().iter().zip(offset_lanes.remainder());
+    let rest = rest.fold(f32::INFINITY, |found, (score, offset)| {
+        lower(score + offset, found)
+    });
+    let mut lanes = [f32::INFINITY; LANES];
+    for (score, offset) in score_lanes.zip(offset_lanes) {
         for lane in 0..LANES {
-            let cost = score[lane] + offset[lane];
-            let better = cost < best[lane];
-            best[lane] = if better { cost } else { best[lane] };
-            at[lane] = if better { block as u32 } else { at[lane] };
+            lanes[lane] = lower(score[lane] + offset[lane], lanes[lane]);
         }
     }
-    let mut winner = (f32::INFINITY, 0u32);
-    for lane in 0..LANES {
-        let id = at[lane] * LANES as u32 + lane as u32;
-        if best[lane] < winner.0 || (best[lane] == winner.0 && id < winner.1) {
-            winner = (best[lane], id);
-        }
-    }
-    let whole = scores.len() / LANES * LANES;
-    for (j, cost) in rest.enumerate() {
-        if cost < winner.0 {
-            winner = (cost, (whole + j) as u32);
-        }
-    }
-    winner.1
+    lanes.into_iter().fold(rest, lower)
 }

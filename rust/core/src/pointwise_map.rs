@@ -58,7 +58,10 @@ pub fn projected(
         .enumerate()
         .map(|(i, &image)| {
             check()?;
-            Ok(vectorised(|| project(target.row(i), source, image, shape)))
+            Ok(vectorised(
+                #[inline(always)]
+                || project(target.row(i), source, image, shape),
+            ))
         })
         .collect()
 }
@@ -96,13 +99,16 @@ pub fn projected_at_full_resolution(
                 return Ok(Vec::new());
             }
             let corners = target.mesh.faces[face as usize];
-            let near = vectorised(|| {
-                NearFaces::new(
-                    corners.map(|v| target_rows.row(v as usize)),
-                    corners.map(|v| images[v as usize]),
-                    (source, source_rows),
-                )
-            });
+            let near = vectorised(
+                #[inline(always)]
+                || {
+                    NearFaces::new(
+                        corners.map(|v| target_rows.row(v as usize)),
+                        corners.map(|v| images[v as usize]),
+                        (source, source_rows),
+                    )
+                },
+            );
             Ok(asking
                 .iter()
                 .map(|&v| {

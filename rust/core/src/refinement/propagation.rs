@@ -50,7 +50,10 @@ impl Images {
         sweeps: usize,
         check: Check<'_>,
     ) -> Result<()> {
-        vectorised(|| self.settle_in_lanes(ids, asking, answering, sweeps, check))
+        vectorised(
+            #[inline(always)]
+            || self.settle_in_lanes(ids, asking, answering, sweeps, check),
+        )
     }
 
     #[inline(always)]
