@@ -134,6 +134,8 @@ pub struct Side<'a> {
     coordinates: Mat<f64>,
     /// Low-passed surface, before any deformation.
     pub smoothed: Mat<f64>,
+    /// Number of eigenfunctions of which it is made.
+    low_passed_to: usize,
     /// What a vertex looks like and how near it is to each landmark, `(n, c)`: the same at each step.
     fixed: Mat<f32>,
     /// Whether positions and normals take part in the embedding.
@@ -291,6 +293,7 @@ impl<'a> Side<'a> {
             extrinsic: pair.uses(Part::Extrinsic),
             known,
             smoothed: Mat::zeros(0, 3),
+            low_passed_to: 0,
             own: Rows::zeros(0, 1),
             rows: Rows::zeros(0, 1),
             shape,
@@ -314,7 +317,10 @@ impl<'a> Side<'a> {
 
     fn low_pass(&mut self, k: usize) {
         let k = k.min(self.most());
-        self.smoothed = dense::product(self.basis(k), self.coordinates.get(..k, ..));
+        if self.low_passed_to != k {
+            self.smoothed = dense::product(self.basis(k), self.coordinates.get(..k, ..));
+            self.low_passed_to = k;
+        }
     }
 
     /// √w times rows of `matrix` at the given vertices, for sums weighted by w.
@@ -891,6 +897,7 @@ impl<'a> Refined<'a> {
             coordinates[(0, i)] += centre[i];
         }
         self.moving.coordinates = coordinates;
+        self.moving.low_passed_to = 0;
     }
 
     /// Point of the moving shape, point of the other and weight of all matches, both ways.
