@@ -75,6 +75,9 @@ const SMOOTHNESS_PAIR: usize = 20;
 /// Sweeps of the nearest neighbours at each step.
 const SWEEPS: usize = 3;
 
+/// Share of the images that change in a step on the whole surface below which it has come to rest.
+const AT_REST: f64 = 0.015;
+
 /// Numbers of eigenfunctions, one a step, from the map that is given to fingers and ears.
 const CLIMB: &[usize] = &[60, 80, 100, 120];
 /// Those of the second way before it climbs.
@@ -747,9 +750,24 @@ impl<'a> Refined<'a> {
             drawn?;
             (self.matrix, self.shared) = matrix?;
             self.deformed = as_matrix(&surface.positions);
+            let before = [&self.moving, &self.still].map(|side| side.images.vertex.clone());
             self.embed(whole_still.as_ref(), WHOLE, &check)?;
+            if size.min(most) == most && self.changed_since(&before) < AT_REST {
+                break;
+            }
         }
         Ok(())
+    }
+
+    /// Share of the images that are not those of before.
+    fn changed_since(&self, before: &[Vec<u32>; 2]) -> f64 {
+        let (mut changed, mut all) = (0, 0);
+        for (side, before) in [&self.moving, &self.still].into_iter().zip(before) {
+            let images = side.images.vertex.iter().zip(before);
+            changed += images.filter(|(now, before)| now != before).count();
+            all += before.len();
+        }
+        changed as f64 / all as f64
     }
 
     /// Embeddings by the present map and the deformed surface beside `still_surface`, and the
