@@ -1,5 +1,6 @@
 //! A dense map in given numbering, from matched embeddings.
 
+use std::cell::LazyCell;
 use std::sync::Arc;
 
 use faer::{Mat, MatRef};
@@ -212,7 +213,7 @@ fn in_given_numbering(
     for (i, &v) in mesh.input_vertex.iter().enumerate() {
         checked[v as usize] = Some(i as u32);
     }
-    let tree = SpaceTree::new(&mesh.vertices);
+    let tree = LazyCell::new(|| SpaceTree::new(&mesh.vertices));
     let mut found = Correspondence {
         faces: Vec::with_capacity(count),
         barycentric: Vec::with_capacity(count),
