@@ -11,6 +11,9 @@ use crate::progress::Check;
 /// Queries treated in one matrix product: the scores then stay in the second-level cache.
 const QUERIES_A_BLOCK: usize = 64;
 
+/// Sums that run independently, so that the compiler can use vector registers.
+const LANES: usize = 16;
+
 /// For each query the id of the nearest of `points`, Euclidean; the lowest id wins a tie.
 #[must_use]
 pub fn nearest(queries: &Rows, points: &Rows) -> Vec<u32> {
@@ -68,7 +71,7 @@ pub fn lowest(scores: &[f32], offsets: &[f32]) -> u32 {
 #[inline(always)]
 fn lowest_in_lanes(scores: &[f32], offsets: &[f32]) -> u32 {
     /// Sums compared before the lowest of them is compared with that of others.
-    const BLOCK: usize = 128;
+    const BLOCK: usize = 8 * LANES;
     let (mut lowest, mut start) = (f32::INFINITY, 0);
     let blocks = scores.chunks(BLOCK).zip(offsets.chunks(BLOCK));
     for (number, (scores, offsets)) in blocks.enumerate() {
@@ -77,15 +80,20 @@ fn lowest_in_lanes(scores: &[f32], offsets: &[f32]) -> u32 {
             (lowest, start) = (here, number * BLOCK);
         }
     }
-    let mut sums = scores[start..].iter().zip(&offsets[start..]);
-    let place = sums.position(|(score, offset)| score + offset == lowest);
-    (start + place.unwrap_or(0)) as u32
+    let (scores, offsets) = (&scores[start..], &offsets[start..]);
+    let is_lowest = |(score, offset): (&f32, &f32)| score + offset == lowest;
+    let among = |(scores, offsets): (&[f32], &[f32])| {
+        let sums = scores.iter().zip(offsets);
+        sums.fold(false, |found, sum| found | is_lowest(sum))
+    };
+    let mut lanes = scores.chunks_exact(LANES).zip(offsets.chunks_exact(LANES));
+    let before = LANES * lanes.position(among).unwrap_or(scores.len() / LANES);
+    let mut sums = scores[before..].iter().zip(&offsets[before..]);
+    (start + before + sums.position(is_lowest).unwrap_or(0)) as u32
 }
 
 #[inline(always)]
 fn lowest_sum(scores: &[f32], offsets: &[f32]) -> f32 {
-    // Lanes run independently so that the compiler can use vector registers.
-    const LANES: usize = 16;
     let lower = |a: f32, b: f32| if a < b { a } else { b };
     let (score_lanes, offset_lanes) = (scores.chunks_exact(LANES), offsets.chunks_exact(LANES));
     let rest = score_lanes.remainder().iter().zip(offset_lanes.remainder());
@@ -98,5 +106,12 @@ fn lowest_sum(scores: &[f32], offsets: &[f32]) -> f32 {
             lanes[lane] = lower(score[lane] + offset[lane], lanes[lane]);
         }
     }
-    lanes.into_iter().fold(rest, lower)
+    let mut width = LANES;
+    while width > 1 {
+        width /= 2;
+        for lane in 0..width {
+            lanes[lane] = lower(lanes[lane], lanes[lane + width]);
+        }
+    }
+    lower(rest, lanes[0])
 }
