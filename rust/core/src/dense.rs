@@ -165,14 +165,15 @@ impl Rows {
     /// w.
     #[must_use]
     pub fn gather_weighted(&self, ids: &[u32], weights: &[f64], columns: usize) -> Self {
-        let mut out = Self::zeros(ids.len(), columns);
-        for ((row, &id), w) in out.data.chunks_exact_mut(columns).zip(ids).zip(weights) {
+        let mut data = Vec::with_capacity(ids.len() * columns);
+        for (&id, w) in ids.iter().zip(weights) {
             let root = w.sqrt() as f32;
-            for (x, y) in row.iter_mut().zip(self.row(id as usize)) {
-                *x = root * y;
-            }
+            data.extend(self.row(id as usize)[..columns].iter().map(|x| root * x));
         }
-        out
+        Self {
+            dims: columns,
+            data,
+        }
     }
 
     /// Sum of the squares of each coordinate, `(dims)`.
