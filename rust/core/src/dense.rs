@@ -64,6 +64,21 @@ pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }
 
+/// Sum of lanes by halves, so that few additions wait for one another.
+#[inline(always)]
+#[must_use]
+pub fn sum_of_lanes<const COUNT: usize>(mut lanes: [f32; COUNT]) -> f32 {
+    const { assert!(COUNT.is_power_of_two()) }
+    let mut width = COUNT;
+    while width > 1 {
+        width /= 2;
+        for lane in 0..width {
+            lanes[lane] += lanes[lane + width];
+        }
+    }
+    lanes[0]
+}
+
 /// Σ aᵢbᵢᵀ over the rows of both, `(a.dims, b.dims)`, summed in single precision.
 #[must_use]
 pub fn sum_of_products(a: &Rows, b: &Rows) -> Mat<f64> {

@@ -549,8 +549,7 @@ impl Sampled {
                     *lane += change * change;
                 }
             }
-            let column: f32 = lanes.iter().sum();
-            sum += f64::from(column);
+            sum += f64::from(dense::sum_of_lanes(lanes));
         }
         2.0 * sum / (images.len() * images.len()) as f64
     }

@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::dense::{Rows, vectorised};
+use crate::dense::{Rows, sum_of_lanes, vectorised};
 use crate::error::Result;
 use crate::full_resolution::FullResolution;
 use crate::progress::Check;
@@ -228,7 +228,7 @@ fn product_from(o: &[f32], x: &[f32], y: &[f32]) -> f64 {
     let rest: f32 = (whole..o.len())
         .map(|i| (x[i] - o[i]) * (y[i] - o[i]))
         .sum();
-    f64::from(lanes.iter().sum::<f32>() + rest)
+    f64::from(sum_of_lanes(lanes) + rest)
 }
 
 /// Nearest point of the triangles around a source vertex and its nearest neighbours.
@@ -277,17 +277,15 @@ pub fn project(query: &[f32], source: &Rows, image: u32, shape: &Shape) -> Surfa
 /// the closest point.
 #[inline(always)]
 fn closest_in_triangle(query: &[f32], [a, b, c]: [&[f32]; 3]) -> (f64, [f64; 3]) {
-    let (mut uu, mut uv, mut vv, mut uq, mut vq, mut qq) = (0f32, 0f32, 0f32, 0f32, 0f32, 0f32);
-    for (((&q, &a), &b), &c) in query.iter().zip(a).zip(b).zip(c) {
-        let (u, v, d) = (b - a, c - a, q - a);
-        uu += u * u;
-        uv += u * v;
-        vv += v * v;
-        uq += u * d;
-        vq += v * d;
-        qq += d * d;
-    }
-    let [uu, uv, vv, uq, vq, qq] = [uu, uv, vv, uq, vq, qq].map(f64::from);
+    let [uu, uv, vv, uq, vq, qq] = [
+        (b, b),
+        (b, c),
+        (c, c),
+        (b, query),
+        (c, query),
+        (query, query),
+    ]
+    .map(|(x, y)| product_from(a, x, y));
     closest_weights(uu, uv, vv, uq, vq, qq)
 }
 

@@ -4,7 +4,7 @@
 //! Linear in the number of vertices where an exhaustive search is quadratic. The sweeps run in a
 //! fixed order on one thread, so that the result does not depend on the number of threads.
 
-use crate::dense::{Rows, vectorised};
+use crate::dense::{Rows, sum_of_lanes, vectorised};
 use crate::error::Result;
 use crate::mesh::Adjacency;
 use crate::progress::Check;
@@ -184,7 +184,7 @@ pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
                 lanes[l] += d * d;
             }
         }
-        sum += lanes.iter().sum::<f32>() + rest;
+        sum += sum_of_lanes(lanes) + rest;
         if sum > limit {
             return sum;
         }
