@@ -64,19 +64,19 @@ pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
 }
 
-/// Sum of lanes by halves, so that few additions wait for one another.
+/// Sums that run independently, so that the compiler can use vector registers.
+pub const LANES: usize = 8;
+
+/// Sum of all lanes by halves, so that few additions wait for one another.
 #[inline(always)]
 #[must_use]
-pub fn sum_of_lanes<const COUNT: usize>(mut lanes: [f32; COUNT]) -> f32 {
-    const { assert!(COUNT.is_power_of_two()) }
-    let mut width = COUNT;
-    while width > 1 {
-        width /= 2;
-        for lane in 0..width {
-            lanes[lane] += lanes[lane + width];
-        }
+pub fn sum_of_lanes(lanes: [f32; LANES]) -> f32 {
+    let (low, high) = lanes.split_at(LANES / 2);
+    let mut halves = [0.0; LANES / 2];
+    for (half, (x, y)) in halves.iter_mut().zip(low.iter().zip(high)) {
+        *half = x + y;
     }
-    lanes[0]
+    (halves[0] + halves[2]) + (halves[1] + halves[3])
 }
 
 /// Σ aᵢbᵢᵀ over the rows of both, `(a.dims, b.dims)`, summed in single precision.

@@ -8,7 +8,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par, Side};
 use rayon::prelude::*;
 
-use crate::dense;
+use crate::dense::{self, LANES};
 use crate::distance_operator;
 use crate::error::{Error, Result};
 use crate::hints::Which;
@@ -534,8 +534,6 @@ impl Sampled {
 
     /// Mean squared difference between distances of asking points and of their images here.
     fn distortion(&self, images: &[u32], asking: &Self) -> f64 {
-        /// Sums that do not wait for each other.
-        const LANES: usize = 8;
         let mut sum = 0.0;
         for (j, &image) in images.iter().enumerate() {
             let here = self.distances.col_as_slice(image as usize);

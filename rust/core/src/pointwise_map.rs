@@ -2,7 +2,7 @@
 
 use rayon::prelude::*;
 
-use crate::dense::{Rows, sum_of_lanes, vectorised};
+use crate::dense::{LANES, Rows, sum_of_lanes, vectorised};
 use crate::error::Result;
 use crate::full_resolution::FullResolution;
 use crate::progress::Check;
@@ -213,7 +213,6 @@ impl NearFaces {
 /// ⟨x − o, y − o⟩.
 #[inline(always)]
 fn product_from(o: &[f32], x: &[f32], y: &[f32]) -> f64 {
-    const LANES: usize = 16;
     let mut lanes = [0f32; LANES];
     let whole = o.len() / LANES * LANES;
     for ((o, x), y) in o[..whole]

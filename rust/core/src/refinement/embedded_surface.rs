@@ -26,7 +26,7 @@ use crate::pair::{Mirror, Pair, Part};
 use crate::progress::Check;
 use crate::refinement::coinciding::{COINCIDENT, Coinciding, STRAY, coinciding};
 use crate::refinement::covered::Piece;
-use crate::refinement::propagation::{Images, LANES, SWEEPS_TO_REST};
+use crate::refinement::propagation::{COMPARED, Images, SWEEPS_TO_REST};
 use crate::refinement::regions;
 use crate::refinement::relative_length::relative_length;
 use crate::refinement::rigid_surface::RigidSurface;
@@ -383,7 +383,7 @@ impl<'a> Side<'a> {
         let before = 6 + self.fixed.ncols();
         let spectrum = before..before + k;
         let rows = &mut self.rows;
-        rows.resize(n, spectrum.end.next_multiple_of(LANES));
+        rows.resize(n, spectrum.end.next_multiple_of(COMPARED));
         let functions = &self.shape.rows;
         if let Some(matrix) = matrix {
             let transposed =

@@ -4,13 +4,13 @@
 //! Linear in the number of vertices where an exhaustive search is quadratic. The sweeps run in a
 //! fixed order on one thread, so that the result does not depend on the number of threads.
 
-use crate::dense::{Rows, sum_of_lanes, vectorised};
+use crate::dense::{LANES, Rows, sum_of_lanes, vectorised};
 use crate::error::Result;
 use crate::mesh::Adjacency;
 use crate::progress::Check;
 
 /// Coordinates of a point that are compared at once; rows of so many, or a multiple, are compared fastest.
-pub const LANES: usize = 16;
+pub const COMPARED: usize = 2 * LANES;
 
 /// Most sweeps until nothing changes.
 pub const SWEEPS_TO_REST: usize = 20;
@@ -167,24 +167,18 @@ impl Images {
 #[must_use]
 #[inline(always)]
 pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
-    const BLOCK: usize = 2 * LANES;
-    let mut sum = 0.0;
-    for (x, y) in a.chunks(BLOCK).zip(b.chunks(BLOCK)) {
-        let mut lanes = [0f32; LANES];
-        let (x_lanes, y_lanes) = (x.chunks_exact(LANES), y.chunks_exact(LANES));
-        let rest: f32 = x_lanes
-            .remainder()
-            .iter()
-            .zip(y_lanes.remainder())
-            .map(|(p, q)| (p - q) * (p - q))
-            .sum();
-        for (p, q) in x_lanes.zip(y_lanes) {
+    let (x, y) = (a.chunks_exact(COMPARED), b.chunks_exact(COMPARED));
+    let rest = x.remainder().iter().zip(y.remainder());
+    let mut sum = rest.map(|(p, q)| (p - q) * (p - q)).sum();
+    for (x, y) in x.zip(y) {
+        let mut lanes = [0.0; LANES];
+        for (p, q) in x.chunks_exact(LANES).zip(y.chunks_exact(LANES)) {
             for l in 0..LANES {
                 let d = p[l] - q[l];
                 lanes[l] += d * d;
             }
         }
-        sum += sum_of_lanes(lanes) + rest;
+        sum += sum_of_lanes(lanes);
         if sum > limit {
             return sum;
         }
