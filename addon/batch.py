@@ -17,7 +17,7 @@ from .mesh_read import UnusableObjectError, value_of
 from .operators.carry import carry
 from .operators.match import reading, store
 from .transfer import KINDS, companions
-from .transfer.armatures import MADE_FROM
+from .transfer.copies import MADE_FROM
 
 DEFAULT_OUTPUT = "{file}.blend"
 POLL_SECONDS = 0.1

@@ -8,14 +8,11 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..mesh_read import UnusableObjectError
+from .copies import MADE_FOR, comes_from, copied, object_copy
 from .kind import Kind, Prepared
 from .sides import actions_of, name_on_target, names_on_target, own_actions, rename
 from .vertex_groups import read_weights
 
-# On what is made for a target (the armature data of a rig, a companion, a material, an image): from what.
-MADE_FROM = "spectral_match_made_from"
-# On a fitted rig and on the copy of a companion: the target, which a duplicate of the target is not.
-MADE_FOR = "spectral_match_made_for"
 # Ends of bones nearer than this share of the rig's size are one joint.
 SAME_JOINT = 1e-5
 # Blender deletes bones up to 1e-6 long.
@@ -143,7 +140,7 @@ def fitted_rig(target, rig):
 
 def _made_from(target, rig):
     """Rigs on the target made from `rig`; those of another target if this is its duplicate."""
-    return [m.object for m in _modifiers(target) if m.object.data.get(MADE_FROM) == rig.name]
+    return [m.object for m in _modifiers(target) if comes_from(m.object, rig)]
 
 
 def _own_rig(route, rig, named, options):
@@ -152,16 +149,13 @@ def _own_rig(route, rig, named, options):
     before = fitted_rig(target, rig)
     if before is not None and {bone.name for bone in before.data.bones} == set(named.values()):
         return before
-    own = rig.copy()
-    own.data = rig.data.copy()
-    own.name = own.data.name = f"{rig.name} {target.name}"
-    own.data[MADE_FROM], own[MADE_FOR] = rig.name, target
+    own = object_copy(rig, target)
+    own.data = copied(rig.data)
+    own.data.name = own.name
     own.parent = None
     hold_still(own)
     # Before the target hangs on it, whose vertex groups Blender would rename with the bones.
     rename(own.data.bones, named, own, own.data)
-    for collection in target.users_collection:
-        collection.objects.link(own)
     # A rig without the target's scale: poses are edited in it.
     location, rotation, _ = target.matrix_world.decompose()
     own.matrix_world = Matrix.LocRotScale(location, rotation, None)

@@ -5,7 +5,8 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
-from .armatures import MADE_FOR, MADE_FROM, at_rest, fitted_rig, hold_still, rigs
+from .armatures import at_rest, fitted_rig, hold_still, rigs
+from .copies import MADE_FOR, MADE_FROM, comes_from, object_copy
 from .sides import name_on_target
 
 # Constraints that tie an object to another as parenting does.
@@ -21,7 +22,10 @@ def held_by(obj, source, passed=()):
 
     The source or a rig of it, the name of its bone or "", and the constraint that ties to it or None.
     """
-    if obj == source or MADE_FROM in obj or obj.spectral_match_source is not None:
+    if obj == source or obj.spectral_match_source is not None:
+        return None
+    if MADE_FROM in obj and obj.get(MADE_FOR) != source:
+        # What another target got is no part of this source.
         return None
     found = _last_of(_ties(obj), source, (*passed, obj))
     if found is None and any(m.type == "ARMATURE" and m.object in rigs(source) for m in obj.modifiers):
@@ -125,7 +129,7 @@ def copy_of(target, companion):
         (
             obj
             for obj in bpy.data.objects
-            if obj.get(MADE_FROM) == companion.name
+            if comes_from(obj, companion)
             and obj.type == companion.type
             and (obj.parent == target or obj.get(MADE_FOR) == target)
         ),
@@ -133,13 +137,9 @@ def copy_of(target, companion):
     )
 
 
-def copied(target, companion):
+def new_copy(target, companion):
     """A new copy of the companion, which nothing moves."""
-    own = companion.copy()
-    own.name = f"{companion.name} {target.name}"
-    own[MADE_FROM], own[MADE_FOR] = companion.name, target
-    for collection in target.users_collection:
-        collection.objects.link(own)
+    own = object_copy(companion, target)
     hold_still(own)
     return own
 
@@ -157,7 +157,7 @@ def attach(route, companion, own, options, fresh=False, world=None):
         held = held_by(companion, route.source)
     parent, bone = _on_target(route, held, options)
     outdated = own.parent not in (None, parent) and (
-        own.parent == route.target or (own.parent.type == "ARMATURE" and MADE_FROM in own.parent.data)
+        own.parent == route.target or (own.parent.type == "ARMATURE" and MADE_FROM in own.parent)
     )
     if fresh or outdated:
         _hang(route, own, parent, bone)

@@ -7,7 +7,8 @@ import numpy as np
 from .. import mesh_read
 from . import splines, strands
 from .armatures import rigs
-from .attachment import attach, copied, copy_of, held_by, in_source, placed
+from .attachment import attach, copy_of, held_by, in_source, new_copy, placed
+from .copies import copied
 from .kind import Kind, Prepared
 from .pieces import pieces
 from .shape_keys import read_key
@@ -61,7 +62,7 @@ def prepare(route, wanted, options):
         copies = []
         for companion, (fill, _) in zip(companions, carried, strict=True):
             before = copy_of(route.target, companion)
-            own = before or copied(route.target, companion)
+            own = before or new_copy(route.target, companion)
             fill(own)
             copies.append((own, before is None))
         # Only now: constraints may look at other copies.
@@ -109,7 +110,7 @@ def _own_mesh(own, companion, named, options):
     if _fits(own.data, companion.data, named):
         return
     before = own.data
-    own.data = companion.data.copy()
+    own.data = copied(companion.data)
     own.data.name = own.name
     groups, _ = names_on_target([group.name for group in own.vertex_groups], options)
     # Modifiers of a copy that was made before name its own groups already.

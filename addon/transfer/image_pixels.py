@@ -13,7 +13,7 @@ import bpy
 import numpy as np
 
 from ..mesh_read import UnusableObjectError
-from .armatures import MADE_FROM
+from .copies import MADE_FROM
 
 FIRST_TILE, TILES_IN_A_ROW = 1001, 10
 

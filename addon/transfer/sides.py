@@ -5,6 +5,8 @@ import re
 
 import bpy
 
+from .copies import copied
+
 # A side to people, though Blender exchanges it only at the ends of a name.
 SIDED = re.compile(r"(?<![A-Za-z])(?:[LlRr]|left|right|LEFT|RIGHT)(?![A-Za-z])|Left|Right")
 
@@ -41,7 +43,7 @@ def actions_of(holder):
 
 def own_actions(holder, actions):
     """Exchange these actions of an ID for copies; returns the copies."""
-    made = {action: action.copy() for action in actions}
+    made = {action: copied(action) for action in actions}
     for user in _action_users(holder):
         if user.action in made:
             # From Blender 4.4.

@@ -6,6 +6,7 @@ import numpy as np
 from mathutils import Matrix
 
 from .attachment import in_source, placed
+from .copies import copied
 from .pieces import is_small, pieces
 from .sides import names_on_target, rename
 
@@ -115,7 +116,7 @@ def _own_data(own, companion, named):
     before = own.data
     if before != companion.data and _build(before) == _build(companion.data, named):
         return
-    own.data = companion.data.copy()
+    own.data = copied(companion.data)
     own.data.name = own.name
     if named:
         rename(own.data.shape_keys.key_blocks, named, own.data.shape_keys)

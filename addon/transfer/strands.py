@@ -7,6 +7,7 @@ import numpy as np
 from .. import core
 from ..mesh_write import read_attribute, write_attribute
 from .attachment import in_source, placed
+from .copies import copied
 from .uv_maps import SHARE_ROOM, read_uv
 
 # Attributes of points that are places, as far as hair has them.
@@ -65,7 +66,7 @@ def _own_data(own, companion):
     before = own.data
     if before != companion.data and all(map(np.array_equal, _strands(before), _strands(companion.data))):
         return
-    own.data = companion.data.copy()
+    own.data = copied(companion.data)
     own.data.name = own.name
     if not before.users:
         bpy.data.hair_curves.remove(before)

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import core, mesh_read
 from ..mesh_read import UnusableObjectError
-from .armatures import MADE_FROM
+from .copies import MADE_FROM, copied
 from .image_nodes import image_nodes, images, laid, normal_maps
 from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
 from .kind import Kind, Prepared
@@ -335,7 +335,7 @@ def _replace_materials(route, uses, images, uv):
             continue
         title = made_title(material, target)
         earlier = [held for held in bpy.data.materials if held.get(MADE_FROM) == title]
-        copy = _copied(material, title)
+        copy = _own_material(material, title)
         _exchange(copy, [images.get(use) for use in laid_on], uv)
         for slot in slots:
             slot.material = copy
@@ -346,15 +346,15 @@ def _replace_materials(route, uses, images, uv):
         copy.name = title
 
 
-def _copied(material, title):
+def _own_material(material, title):
     """A copy of the material, with copies of the node groups in which there are images."""
-    copy = material.copy()
+    copy = copied(material)
     copy[MADE_FROM] = title
 
     def own_groups(tree):
         for node in tree.nodes:
             if node.type == "GROUP" and node.node_tree in with_images:
-                node.node_tree = node.node_tree.copy()
+                node.node_tree = copied(node.node_tree)
                 node.node_tree[MADE_FROM] = title
                 own_groups(node.node_tree)
 

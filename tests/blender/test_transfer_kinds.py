@@ -1192,6 +1192,94 @@ def test_linked_data_is_taken_before_local_data_of_its_name(copies, tmp_path):
     assert len(copy.data.vertices) == len(here.objects[1].data.vertices)
 
 
+def overridden(tmp_path, *objects):
+    """A local override of a linked collection with these objects, which leave this file."""
+    file = str(tmp_path / "character.blend")
+    character = bpy.data.collections.new("Character")
+    for obj in objects:
+        character.objects.link(obj)
+    bpy.data.libraries.write(file, {character})
+    for obj in objects:
+        bpy.data.objects.remove(obj)
+    bpy.data.collections.remove(character)
+    with bpy.data.libraries.load(file, link=True) as (_, here):
+        here.collections = ["Character"]
+    scene, layer = bpy.context.scene, bpy.context.view_layer
+    scene.collection.children.link(here.collections[0])
+    own = here.collections[0].override_hierarchy_create(scene, layer, do_fully_editable=True)
+    layer.update()
+    return own
+
+
+def test_copies_of_library_overrides_are_local(copies, tmp_path):
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    character = overridden(tmp_path, source, rig, small_ball("Eye", rig, "High"))
+    source = target.spectral_match_source = character.all_objects["Source"]
+    transfer(source, target, kinds="groups,armature,objects")
+    (eye,) = copies_of("Eye")
+    fitted = target.find_armature()
+    assert (eye.parent, eye.parent_bone) == (fitted, "High")
+    assert not any(made.override_library for obj in (eye, fitted) for made in (obj, obj.data))
+    assert rest_error(target) < 1e-5
+
+
+def test_copies_are_put_beside_a_target_in_an_overridden_collection(copies, tmp_path):
+    """As Make Local leaves an override."""
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    small_ball("Eye", rig, "High")
+    character = overridden(tmp_path, target)
+    target = character.all_objects["Target"]
+    for made in (target, target.data):
+        made.make_local(clear_liboverride=True)
+    target.spectral_match_source = source
+    transfer(source, target, kinds="groups,armature,objects")
+    scene = bpy.context.scene.collection.objects
+    assert target.find_armature().name in scene and copies_of("Eye")[0].name in scene
+
+
+def test_renamed_originals_are_known_by_their_copies(copies):
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    eye = small_ball("Eye", rig, "High")
+    transfer(source, target, kinds="groups,armature,objects")
+    rig.name, eye.name, target.name = "Skeleton", "Left Eye", "Orc"
+    small_ball("Eye", rig, "Low")
+    before = set(bpy.data.objects)
+    transfer(source, target, kinds="groups,armature,objects")
+    (other,) = set(bpy.data.objects) - before
+    assert other.parent_bone == "Low" and [m.type for m in target.modifiers] == ["ARMATURE"]
+
+
+def test_an_original_that_comes_back_is_known_by_its_name(copies):
+    source, target, _, _ = copies
+    small_ball("Eye", source)
+    transfer(source, target, kinds="objects")
+    bpy.data.objects.remove(bpy.data.objects["Eye"])
+    small_ball("Eye", source)
+    transfer(source, target, kinds="objects")
+    assert len(copies_of("Eye")) == 1
+
+
+def test_what_a_target_got_goes_on_to_the_next(copies):
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    small_ball("Eye", rig, "High")
+    transfer(source, target, kinds="groups,armature,objects")
+    third = new_object(
+        "Third", 2.0 * mesh_read.positions(target.data), [p.vertices for p in target.data.polygons]
+    )
+    store_copy(target, third, np.arange(len(third.data.vertices)))
+    assert companions.names(source) == ["Eye"] and companions.names(target) == ["Eye Target"]
+    transfer(target, third, kinds="groups,armature,objects")
+    (copy,) = copies_of("Eye Target")
+    assert (copy.parent, copy.parent_bone) == (third.find_armature(), "High")
+    (first,) = copies_of("Eye")
+    places = [mesh_read.positions(obj.data) for obj in (first, copy)]
+    np.testing.assert_allclose(places[1], 2.0 * places[0], atol=1e-4)
+
+
 def test_locked_groups_and_masked_vertices_keep_what_they_have(scene):
     source = ball("Source", 16, 8)
     count = len(source.data.vertices)

@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Copies of what belongs to the source, which belong to this file whatever library their originals are of."""
+
+from .. import pair
+
+# On what is made for a target (a rig, a companion, a material, an image): the name of what from.
+MADE_FROM = "spectral_match_made_from"
+# On objects that are made: that object itself, which may be renamed, or gone and come back under its name.
+ORIGINAL = "spectral_match_original"
+# On them too: the target, which a duplicate of the target is not.
+MADE_FOR = "spectral_match_made_for"
+
+
+def copied(original):
+    """A copy of an ID that can be edited: that of a library override would be an override too."""
+    copy = original.copy()
+    return copy.make_local(clear_liboverride=True) if copy.override_library is not None else copy
+
+
+def object_copy(original, target):
+    """A copy of an object for the target, beside which it is put."""
+    own = copied(original)
+    own.name = f"{original.name} {target.name}"
+    own[MADE_FROM], own[ORIGINAL], own[MADE_FOR] = original.name, original, target
+    # Linked and overridden collections take no objects.
+    places = [place for place in target.users_collection if place.is_editable and not place.override_library]
+    for place in places or [target.users_scene[0].collection]:
+        place.objects.link(own)
+    return own
+
+
+def comes_from(own, original):
+    """Whether an object is a copy of `original`."""
+    if MADE_FROM not in own:
+        return False
+    kept = own.get(ORIGINAL)
+    return kept == original if pair.is_there(kept) else own[MADE_FROM] == original.name
