@@ -62,9 +62,11 @@ def check_usable(obj, *, as_target=False):
     if obj.type != "MESH":
         raise UnusableObjectError(f"'{obj.name}' is not a mesh. Convert it to a mesh first")
     if as_target and not (obj.is_editable and obj.data.is_editable):
+        # What a linked collection has becomes local with that collection only.
+        what = "All" if any(held.library for held in obj.users_collection) else "Selected Objects and Data"
         raise UnusableObjectError(
             f"'{obj.name}' is linked from another file and cannot be written to. "
-            "Use Object > Relations > Make Local > Selected Objects and Data"
+            f"Use Object > Relations > Make Local > {what}"
         )
     if as_target and (obj.override_library or obj.data.override_library):
         raise UnusableObjectError(
@@ -75,7 +77,7 @@ def check_usable(obj, *, as_target=False):
         raise UnusableObjectError(
             f"'{obj.name}' is being sculpted with dynamic topology. Leave Sculpt Mode first"
         )
-    if obj.mode == "EDIT":
+    if obj.data.is_editmode:
         obj.update_from_editmode()
     if not obj.data.polygons:
         raise UnusableObjectError(f"'{obj.name}' has no faces. Matching needs a surface")
@@ -285,6 +287,29 @@ def _evaluated_positions(context, obj):
         return positions(mesh)
     finally:
         shown.to_mesh_clear()
+
+
+def place(context, objects):
+    """Have Blender tell where these objects stand, by showing those that it left out meanwhile.
+
+    It leaves out what is switched off or not in the view layer: in a file just opened that stands nowhere.
+    """
+    layer, held = context.view_layer, context.scene.collection.objects
+    shown = {obj.original for obj in context.evaluated_depsgraph_get().view_layer_eval.objects}
+    hidden = [obj for obj in dict.fromkeys(objects) if obj not in shown]
+    if not hidden:
+        return
+    off, there = [obj for obj in hidden if obj.hide_viewport], set(held)
+    added = [obj for obj in hidden if obj not in there]
+    for obj in off:
+        obj.hide_viewport = False
+    for obj in added:
+        held.link(obj)
+    layer.update()
+    for obj in added:
+        held.unlink(obj)
+    for obj in off:
+        obj.hide_viewport = True
 
 
 def find_object(scene_objects, uid):

@@ -105,10 +105,13 @@ def write_attribute(mesh, name, data_type, domain, values):
 
 @contextmanager
 def object_mode(context, objects):
-    """Attributes are written in object mode: leave edit or sculpt mode, and return afterwards."""
-    left = []
-    for obj in objects:
-        if obj.mode in {"EDIT", "SCULPT"}:
+    """Attributes are written in object mode: leave edit or sculpt mode, and return afterwards.
+
+    A mesh may be open through another object that shares it.
+    """
+    meshes, left = {obj.data for obj in objects}, []
+    for obj in bpy.data.objects:
+        if obj.data in meshes and obj.mode in {"EDIT", "SCULPT"}:
             left.append((obj, obj.mode))
             _set_mode(context, obj, "OBJECT")
     try:

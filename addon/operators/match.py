@@ -50,6 +50,7 @@ def reading(context, source, targets, *, swap_sides=False):
             wanted.setdefault(target.data.session_uid, (target.session_uid, target.name))
         else:
             notes.append(f"'{target.name}' was left out: it shares the mesh of '{source.name}'")
+    mesh_read.place(context, [source, *targets])
     source_surface = yield from mesh_read.reading(context, source, evaluated=evaluated)
     surfaces = []
     for uid, name in wanted.values():
@@ -103,7 +104,7 @@ def find_unchanged(surface):
     obj = present(surface.object_uid, surface.name)
     if obj.type != "MESH" or obj.data.session_uid != surface.mesh_uid:
         raise UnusableObjectError(f"'{obj.name}' got another mesh since it was read. Match again")
-    if obj.mode == "EDIT":
+    if obj.data.is_editmode:
         obj.update_from_editmode()
     if mesh_read.fingerprint(obj.data) != surface.fingerprint:
         raise UnusableObjectError(f"'{obj.name}' was edited since it was read. Match again")

@@ -1,8 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be carried over: a module for each kind of data, its `KIND` listed in `KINDS`."""
 
+import bpy
 from bpy.props import BoolProperty
 
+from .. import mesh_read
 from ..mesh_read import UnusableObjectError
 from . import (
     armatures,
@@ -89,6 +91,7 @@ def carry_all(target, options, chosen):
     wanted = {
         kind.identifier: [name for name in kind.names(route.source) if chosen(kind, name)] for kind in KINDS
     }
+    mesh_read.place(bpy.context, _whole(route, wanted))
     _check_twins(route, wanted, options)
     with seam_splits.split(route, wanted[uv_maps.KIND.identifier], options) as (route, notes):
         route.wanted = wanted
@@ -100,7 +103,32 @@ def carry_all(target, options, chosen):
     if any(wanted[kind.identifier] for kind in (shape_keys.KIND, armatures.KIND, companions.KIND)):
         redirect(route, options)
     target.data.update()
+    if wanted[armatures.KIND.identifier] or wanted[companions.KIND.identifier]:
+        notes += _mirrored(route.source)
     return notes + [note for part in route.prepared for note in part.notes]
+
+
+def _whole(route, wanted):
+    """Both bodies with their rigs and, where they are wanted, what hangs on them."""
+    bodies = [route.source, route.target]
+    rigs = [rig for body in bodies for rig in armatures.rigs(body)]
+    hung = (
+        [obj for body in bodies for obj in companions.hanging(body)]
+        if wanted[companions.KIND.identifier]
+        else []
+    )
+    return bodies + rigs + hung
+
+
+def _mirrored(source):
+    """A note when a modifier adds the other half, by which nothing can be placed."""
+    if not any(modifier.type == "MIRROR" and modifier.show_viewport for modifier in source.modifiers):
+        return []
+    return [
+        f"'{source.name}' is completed by a Mirror modifier, and its modelled half alone was matched. Bones "
+        "and objects of the other half may lie beside the target: apply the modifier and match again, or "
+        "symmetrize them"
+    ]
 
 
 def _check_twins(route, wanted, options):

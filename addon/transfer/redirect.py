@@ -5,6 +5,7 @@ import re
 
 import bpy
 
+from .. import mesh_read
 from . import armatures, attachment, companions, shape_keys
 from .sides import flip_name, name_on_target
 
@@ -57,6 +58,7 @@ def redirect(route, options):
                 point(constraint, exchanged, options)
     # Copies that were just hung are in their places from here.
     bpy.context.view_layer.update()
+    mesh_read.place(bpy.context, [own for _, own in rigs] + copies)
     for rig, own in rigs:
         if rig.name in route.wanted[armatures.KIND.identifier]:
             armatures.fit_constraints(rig, own, options)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import sgmds
 from conftest import choose, lumpy, new_object, triangle_vertices
+from mathutils import Matrix
 
 from addon import mesh_read, notice, stored_match
 from addon.mesh_write import read_attribute
@@ -301,6 +302,22 @@ def test_hidden_objects_are_matched_when_pinned(pair, scene):
     assert copy_error(source, target, old) < COPY_ERROR
 
 
+def test_a_hidden_mirrored_source_of_an_opened_file_is_seen(pair, scene, tmp_path):
+    """Blender does not place it before it is shown."""
+    source, target, old = pair
+    source.data.transform(Matrix.Scale(-1.0, 4, (1.0, 0.0, 0.0)))
+    source.data.flip_normals()
+    source.scale.x, source.hide_viewport = -1.0, True
+    settings = scene.spectral_match
+    settings.pinned, settings.source, settings.target = True, source, target
+    path = str(tmp_path / "hidden.blend")
+    bpy.ops.wm.save_as_mainfile(filepath=path)
+    bpy.ops.wm.open_mainfile(filepath=path)
+    source, target = bpy.data.objects["Source"], bpy.data.objects["Target"]
+    assert match() == {"FINISHED"}
+    assert copy_error(source, target, old) < COPY_ERROR and source.hide_viewport
+
+
 def test_collection_instance_is_explained(pair):
     instance = bpy.data.objects.new("Instance", None)
     instance.instance_type = "COLLECTION"
@@ -402,6 +419,39 @@ def test_linked_target_is_refused_and_linked_source_is_read(pair, tmp_path):
     assert "linked from another file" in refusal()
     settings.source, settings.target = linked, local
     assert match() == {"FINISHED"}
+
+
+def test_an_object_of_a_linked_collection_becomes_local_with_all(pair, tmp_path):
+    """Make Local of the selected ones does nothing to it."""
+    path = str(tmp_path / "library.blend")
+    character = bpy.data.collections.new("Character")
+    character.objects.link(bpy.data.objects["Target"])
+    bpy.data.libraries.write(path, {character})
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    with bpy.data.libraries.load(path, link=True) as (_, wanted):
+        wanted.collections = ["Character"]
+    bpy.context.scene.collection.children.link(wanted.collections[0])
+    bpy.context.view_layer.update()
+    source = new_object("Local", *lumpy())
+    choose(source, bpy.data.objects["Target"])
+    assert refusal().strip().endswith("Make Local > All")
+    bpy.ops.object.make_local(type="ALL")
+    choose(source, bpy.data.objects["Target"])
+    assert match() == {"FINISHED"}
+
+
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_mesh_may_be_open_through_another_object(pair, scene, which):
+    source, target, _ = pair
+    source.vertex_groups.new(name="Group").add(range(50), 1.0, "REPLACE")
+    other = bpy.data.objects.new("Other", pair[which].data)
+    bpy.context.collection.objects.link(other)
+    settings = scene.spectral_match
+    settings.pinned, settings.source, settings.target = True, source, target
+    choose(other)
+    bpy.ops.object.mode_set(mode="EDIT")
+    assert bpy.ops.spectral_match.batch() == {"FINISHED"}
+    assert other.mode == "EDIT" and [group.name for group in target.vertex_groups] == ["Group"]
 
 
 def test_attribute_name_taken_by_a_vertex_group_is_said(pair):

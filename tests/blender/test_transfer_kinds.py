@@ -1280,6 +1280,60 @@ def test_what_a_target_got_goes_on_to_the_next(copies):
     np.testing.assert_allclose(places[1], 2.0 * places[0], atol=1e-4)
 
 
+@pytest.mark.parametrize("hidden", ["excluded", "switched off"])
+def test_a_hidden_source_of_an_opened_file_stands_where_it_stood(copies, tmp_path, hidden):
+    """Blender does not place it before it is shown."""
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    small_ball("Eye", rig, "High")
+    root = bpy.data.objects.new("Root", None)
+    root.matrix_world = Matrix.LocRotScale((1.0, 2.0, 3.0), Matrix.Rotation(0.7, 3, "X"), (2.0, 2.0, 2.0))
+    rig.parent = root
+    source.location.x += 0.5
+    kept = bpy.data.collections.new("Kept")
+    bpy.context.scene.collection.children.link(kept)
+    for obj in (source, rig, root, bpy.data.objects["Eye"]):
+        kept.objects.link(obj)
+        if obj != root:
+            bpy.context.scene.collection.objects.unlink(obj)
+    settings = bpy.context.scene.spectral_match
+    settings.pinned, settings.source, settings.target = True, source, target
+    found = []
+    for hide in (False, True):
+        if hidden == "excluded":
+            bpy.context.view_layer.layer_collection.children["Kept"].exclude = hide
+        else:
+            for obj in kept.objects:
+                obj.hide_viewport = hide
+        file = str(tmp_path / f"{hide}.blend")
+        bpy.ops.wm.save_as_mainfile(filepath=file)
+        bpy.ops.wm.open_mainfile(filepath=file)
+        assert bpy.ops.spectral_match.transfer(kinds="groups,armature,objects") == {"FINISHED"}
+        bpy.context.view_layer.update()
+        target, (eye,) = bpy.data.objects["Target"], copies_of("Eye")
+        fitted, source = target.find_armature(), target.spectral_match_source
+        joints = [fitted.matrix_world @ bone.tail_local for bone in fitted.data.bones]
+        found.append(np.array([*joints, *(eye.matrix_world @ vertex.co for vertex in eye.data.vertices)]))
+        assert source.hide_viewport == (hide and hidden != "excluded")
+        assert not hide or source.name not in bpy.context.scene.collection.objects
+        # Undone for the second way.
+        bpy.ops.wm.open_mainfile(filepath=file)
+        kept = bpy.data.collections["Kept"]
+    np.testing.assert_allclose(found[1], found[0], atol=1e-4)
+
+
+def test_a_body_that_a_modifier_completes_is_told_of(copies):
+    source, target, _, _ = copies
+    rigged(copies)
+    transfer(source, target, kinds="groups,armature")
+    assert not notice.words
+    source.modifiers.new("Mirror", "MIRROR")
+    transfer(source, target, kinds="groups")
+    assert not notice.words
+    transfer(source, target, kinds="groups,armature")
+    assert "'Source' is completed by a Mirror modifier" in notice.words
+
+
 def test_locked_groups_and_masked_vertices_keep_what_they_have(scene):
     source = ball("Source", 16, 8)
     count = len(source.data.vertices)
