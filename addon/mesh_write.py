@@ -142,22 +142,29 @@ def write_match(source, target, source_surface, target_surface, found):
     """Write one correspondence as attributes: colours on both meshes, the map itself on the target."""
     faces = np.asarray(found.faces, np.int64)
     barycentric = source_surface.from_outward(np.asarray(found.barycentric, np.float64))
-    colours = palette.surface_colours(source_surface.local)
-    carried = image_points(colours, source_surface.triangles, faces, barycentric)
     position = image_points(source_surface.local, source_surface.triangles, faces, barycentric)
     mesh = target.data
-    write_attribute(mesh, "match_color", "FLOAT_COLOR", "POINT", carried)
     write_attribute(mesh, "match_position", "FLOAT_VECTOR", "POINT", position)
     write_attribute(mesh, "match_face", "INT", "POINT", faces)
     write_attribute(mesh, "match_barycentric", "FLOAT_VECTOR", "POINT", barycentric)
     write_attribute(mesh, "match_confidence", "FLOAT", "POINT", found.confidence)
     if HEAT in mesh.attributes:
         write_heat(mesh)
-    mesh.update()
-    if source.data.is_editable:
-        write_attribute(source.data, "match_color", "FLOAT_COLOR", "POINT", colours)
-        source.data.update()
+    write_colours(source, target, source_surface.local, source_surface.triangles)
     _remember(source, mesh, source_surface, target_surface, found)
+
+
+def write_colours(source, target, points, triangles):
+    """Colour both bodies by where on the source, of these points and triangles, the target's match leads."""
+    colours = palette.surface_colours(points)
+    faces, barycentric = (
+        read_attribute(target.data.attributes[name]) for name in ("match_face", "match_barycentric")
+    )
+    carried = image_points(colours, triangles, faces, barycentric)
+    for mesh, values in ((target.data, carried), (source.data, colours)):
+        if mesh.is_editable:
+            write_attribute(mesh, "match_color", "FLOAT_COLOR", "POINT", values)
+            mesh.update()
 
 
 HEAT = "match_heat"

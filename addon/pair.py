@@ -32,9 +32,8 @@ def resolve(context):
         return Pair(None, [], "Select the target, then Shift-click the source: two meshes")
     others = [obj for obj in context.view_layer.objects.selected if obj != active and obj.type == "MESH"]
     if not others:
-        # A matched target alone still means the pair it was matched in.
-        stored = active.data.spectral_match
-        if stored.target_fingerprint and is_there(active.spectral_match_source):
+        # A matched target alone still means the pair it was matched in, even if the source is gone.
+        if active.data.spectral_match.target_fingerprint:
             return _of(active.spectral_match_source, [active])
         return Pair(active, [], f"Add a target: select it first, then Shift-click '{active.name}'")
     return _of(active, others)

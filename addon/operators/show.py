@@ -49,8 +49,23 @@ def _uncolour_viewports(context):
     _earlier_colouring.clear()
 
 
+def _bodies(source, targets):
+    """Source and targets; the source of a pinned pair may be gone."""
+    return targets if source is None else [source, *targets]
+
+
+def _colour_anew(context, source, targets):
+    """A body that was source in one match and target in another is coloured for the later one."""
+    with mesh_write.object_mode(context, _bodies(source, targets)):
+        for target in targets:
+            if source is not None and stored_match.state(target, source).usable:
+                mesh = source.data
+                triangles = mesh_read.corner_vertices(mesh)[mesh_read.triangle_corners(mesh)[0]]
+                mesh_write.write_colours(source, target, mesh_read.positions(mesh), triangles)
+
+
 def show_colours(context, source, targets):
-    for obj in (source, *targets):
+    for obj in _bodies(source, targets):
         _activate(obj.data, "match_color")
     _colour_viewports(context)
 
@@ -60,12 +75,13 @@ def show_confidence(context, source, targets):
         for target in targets:
             mesh_write.write_heat(target.data)
             _activate(target.data, mesh_write.HEAT)
-    _activate(source.data, "match_color")
+    if source is not None:
+        _activate(source.data, "match_color")
     _colour_viewports(context)
 
 
 def show_nothing(context, source, targets):
-    for obj in (source, *targets):
+    for obj in _bodies(source, targets):
         colours = obj.data.color_attributes
         earlier = _earlier_active.pop(obj.data.session_uid, "")
         others = [layer.name for layer in colours if not layer.name.startswith(mesh_write.OURS)]
@@ -140,6 +156,8 @@ class SPECTRAL_MATCH_OT_show(Step, Operator):
                 raise UnusableObjectError(
                     f"The match of '{target.name}' was removed from its attributes. Match again"
                 )
+        if self.what == "COLOURS":
+            _colour_anew(context, source, matched)
         SHOWN[self.what](context, source, matched)
         return {"FINISHED"}
 

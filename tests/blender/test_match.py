@@ -493,6 +493,16 @@ def test_lost_source_is_said(pair):
     assert stored_match.state(target).code == stored_match.LOST
 
 
+def test_a_target_alone_says_that_its_source_is_lost(pair):
+    source, target, _ = pair
+    match()
+    bpy.data.objects.remove(source)
+    bpy.context.view_layer.update()
+    choose(target)
+    with pytest.raises(RuntimeError, match="The source 'Source' is gone"):
+        bpy.ops.spectral_match.transfer()
+
+
 def test_swapping_roles(pair):
     source, target, _ = pair
     assert bpy.ops.spectral_match.swap_roles() == {"FINISHED"}

@@ -150,6 +150,35 @@ def test_morph_survives_renamed_and_removed_inputs(pair):
     assert morph.factor_of(target) == 1.0
 
 
+def test_a_chain_is_coloured_for_the_pair_that_is_shown(pair):
+    """The second body is target of the first and source of the third."""
+    source, target, _ = pair
+    bpy.ops.spectral_match.match()
+
+    def colours():
+        return [read_attribute(obj.data.attributes["match_color"]) for obj in (source, target)]
+
+    before = colours()
+    third = target.copy()
+    third.data = target.data.copy()
+    bpy.context.collection.objects.link(third)
+    choose(target, third)
+    bpy.ops.spectral_match.match()
+    assert np.abs(colours()[1] - before[1]).max() > 0.1
+    choose(source, target)
+    bpy.ops.spectral_match.show(what="COLOURS")
+    np.testing.assert_allclose(colours(), before, atol=1e-6)
+
+
+@pytest.mark.parametrize("what", ["COLOURS", "CONFIDENCE", "NOTHING"])
+def test_a_target_is_shown_without_its_source(pair, what):
+    source, _, _ = pair
+    bpy.ops.spectral_match.match()
+    bpy.ops.spectral_match.pin()
+    bpy.data.objects.remove(source)
+    assert bpy.ops.spectral_match.show(what=what) == {"FINISHED"}
+
+
 def test_another_source_than_the_matched_one_is_not_shown(pair):
     _, target, _ = pair
     bpy.ops.spectral_match.match()
