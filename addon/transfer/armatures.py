@@ -28,8 +28,10 @@ MODIFIER_SETTINGS = (
 )
 # What places an object, as paths of its animation begin.
 TRANSFORMS = ("location", "rotation", "scale", "delta_")
-# Modifiers that refine or follow a surface that the rig has posed.
-AFTER_ARMATURE = ("SUBSURF", "MULTIRES", "SOLIDIFY", "CORRECTIVE_SMOOTH", "SMOOTH", "CLOTH")
+# Modifiers that refine or follow a surface that the rig has posed, or build on it what has no vertex groups.
+AFTER_ARMATURE = frozenset(
+    "SUBSURF MULTIRES SOLIDIFY CORRECTIVE_SMOOTH SMOOTH LAPLACIANSMOOTH CLOTH SOFT_BODY REMESH NODES".split()
+)
 
 
 def _modifiers(obj):
@@ -199,16 +201,22 @@ def _moving(action):
 
 
 def _new_modifier(route, rig, name, options):
-    """An Armature modifier set as that of the source, before those that take the posed surface."""
+    """An Armature modifier set as that of the source, before those that take the posed surface.
+
+    Yet after those that complete it: the two sides have poses of their own.
+    """
     target = route.target
     model = next(m for m in _modifiers(route.source) if m.object == rig)
-    place = next((i for i, m in enumerate(target.modifiers) if m.type in AFTER_ARMATURE), None)
+    types = [modifier.type for modifier in target.modifiers]
+    whole = max((i + 1 for i, each in enumerate(types) if each == "MIRROR"), default=0)
+    place = next((i for i, each in enumerate(types) if i >= whole and each in AFTER_ARMATURE), None)
     made = target.modifiers.new(name, "ARMATURE")
     for setting in MODIFIER_SETTINGS:
         setattr(made, setting, getattr(model, setting))
     made.vertex_group = name_on_target(model.vertex_group, options)
     if place is not None:
-        target.modifiers.move(len(target.modifiers) - 1, place)
+        # Not the last one where another is pinned to that place.
+        target.modifiers.move(target.modifiers.find(made.name), place)
     return made
 
 

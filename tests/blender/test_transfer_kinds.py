@@ -852,6 +852,58 @@ def test_a_new_armature_modifier_is_set_as_the_source_s(copies):
     assert target.modifiers[0].use_deform_preserve_volume
 
 
+def test_both_sides_of_a_mirrored_target_are_posed_by_themselves(copies):
+    source, target, _, _ = copies
+    rigged(copies)
+    given = ["SUBSURF", "MIRROR", "TRIANGULATE", "SOLIDIFY"]
+    for kind in given:
+        target.modifiers.new(kind.title(), kind)
+    transfer(source, target, kinds="groups,armature")
+    assert [modifier.type for modifier in target.modifiers] == [*given[:3], "ARMATURE", given[3]]
+
+
+def test_a_pinned_modifier_stays_the_last(copies):
+    """As Shade Auto Smooth makes one."""
+    source, target, _, _ = copies
+    rigged(copies)
+    target.modifiers.new("Smooth", "SUBSURF")
+    target.modifiers.new("Smooth by Angle", "NODES").use_pin_to_last = True
+    transfer(source, target, kinds="groups,armature")
+    assert [modifier.type for modifier in target.modifiers] == ["ARMATURE", "SUBSURF", "NODES"]
+
+
+@pytest.mark.parametrize("built", ["REMESH", "NODES"])
+def test_what_modifiers_build_on_the_target_follows_its_rig(copies, built):
+    """A voxel mesh, which has no vertex groups, and instances, which no armature moves."""
+    source, target, _, _ = copies
+    rigged(copies)
+    modifier = target.modifiers.new("Built", built)
+    if built == "REMESH":
+        modifier.voxel_size = 0.1
+    else:
+        modifier.node_group = group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+        for way in ("INPUT", "OUTPUT"):
+            group.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+        names = ("NodeGroupInput", "GeometryNodeInstanceOnPoints", "GeometryNodeRealizeInstances")
+        incoming, instances, real = (group.nodes.new(name) for name in names)
+        cube, outgoing = (group.nodes.new(name) for name in ("GeometryNodeMeshCube", "NodeGroupOutput"))
+        cube.inputs["Size"].default_value = (0.01, 0.01, 0.01)
+        group.links.new(incoming.outputs[0], instances.inputs["Points"])
+        group.links.new(cube.outputs["Mesh"], instances.inputs["Instance"])
+        group.links.new(instances.outputs[0], real.inputs[0])
+        group.links.new(real.outputs[0], outgoing.inputs[0])
+    transfer(source, target, kinds="groups,armature")
+
+    def middle():
+        bpy.context.view_layer.update()
+        shown = target.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
+        return mesh_read.positions(shown).mean(axis=0)
+
+    before = middle()
+    target.find_armature().pose.bones["Low"].location = (0.0, 1.0, 0.0)
+    assert np.linalg.norm(middle() - before) == pytest.approx(1.0, abs=0.05)
+
+
 def test_object_animation_does_not_move_what_was_fitted(copies):
     source, target, _, _ = copies
     rig = rigged(copies)
