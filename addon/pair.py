@@ -46,13 +46,21 @@ def matched(context):
 
 def _of(source, targets):
     if not is_there(source):
-        return Pair(None, targets, "Choose a source: the mesh that has the data")
-    targets = [obj for obj in targets if is_there(obj) and obj != source]
-    if not targets:
-        return Pair(source, [], "Choose a target: another mesh, which receives the data")
-    if all(obj.data == source.data for obj in targets):
-        return Pair(source, targets, "Source and target share one mesh, so they have the same data already")
-    return Pair(source, targets)
+        return Pair(None, targets, _absent([source]) + "Choose a source: the mesh that has the data")
+    there = [obj for obj in targets if is_there(obj) and obj != source]
+    if not there:
+        return Pair(source, [], _absent(targets) + "Choose a target: another mesh, which receives the data")
+    if all(obj.data == source.data for obj in there):
+        return Pair(source, there, "Source and target share one mesh, so they have the same data already")
+    return Pair(source, there)
+
+
+def _absent(objects):
+    """Words about a chosen object that no scene has."""
+    for obj in objects:
+        if obj is not None and not is_there(obj):
+            return f"'{obj.name}' is in no scene: it was deleted, or only an instance shows it. "
+    return ""
 
 
 def is_there(obj):

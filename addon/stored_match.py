@@ -119,6 +119,10 @@ def state(target, source=None):
 def require(target, source=None):
     """The stored match of `target`; raises `UnusableObjectError` when there is none that can be used."""
     now = state(target, source)
+    if now.code == NONE and source is not None and target.data == source.data:
+        raise UnusableObjectError(
+            f"'{target.name}' shares the mesh of '{source.name}', so it has the same data already"
+        )
     if now.code == NONE:
         raise UnusableObjectError(f"'{target.name}' has no match yet. Press Match first")
     if not now.usable:

@@ -327,6 +327,19 @@ def test_collection_instance_is_explained(pair):
     assert "Make Instances Real" in refusal()
 
 
+@pytest.mark.parametrize("which", [0, 1])
+def test_a_pinned_object_that_is_in_no_scene_is_explained(pair, which):
+    """Its collection is only instanced, or it was deleted."""
+    bpy.ops.spectral_match.pin()
+    collection = bpy.data.collections.new("Only Instanced")
+    collection.objects.link(pair[which])
+    bpy.context.collection.objects.unlink(pair[which])
+    instance = bpy.data.objects.new("Instance", None)
+    bpy.context.collection.objects.link(instance)
+    instance.instance_type, instance.instance_collection = "COLLECTION", collection
+    assert f"'{pair[which].name}' is in no scene" in refusal()
+
+
 def test_library_override_is_refused_in_words(pair, tmp_path):
     path = str(tmp_path / "library.blend")
     bpy.ops.wm.save_as_mainfile(filepath=path)
@@ -547,6 +560,16 @@ def test_a_copy_has_no_other_maps(pair):
     choose(source, copy)
     with pytest.raises(RuntimeError, match="Match again to find them"):
         bpy.ops.spectral_match.alternative()
+
+
+def test_a_target_with_the_source_s_mesh_needs_no_transfer(pair, scene):
+    source, target, _ = pair
+    match()
+    other = bpy.data.objects.new("Other", source.data)
+    bpy.context.collection.objects.link(other)
+    choose(source, target, other)
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    assert notice.words == "'Other' shares the mesh of 'Source', so it has the same data already"
 
 
 def test_target_that_shares_the_mesh_is_named(pair):
