@@ -58,6 +58,12 @@ def prepare(route, wanted, options):
             raise UnusableObjectError(f"'{rig.name}' has no bones. Add bones to it, or leave it unchecked")
         named, words = names_on_target([bone.name for bone in rig.data.bones], options)
         notes += words
+        before = fitted_rig(route.target, rig)
+        if before is not None and not _has_bones(before, named):
+            notes.append(
+                f"'{rig.name}' has other bones now, so '{route.target.name}' got a new rig. '{before.name}' "
+                "stays in the scene without it: take over what you added there, then delete it"
+            )
         fitted.append((rig, named, *_fit(route, rig)))
 
     def write():
@@ -145,11 +151,16 @@ def _made_from(target, rig):
     return [m.object for m in _modifiers(target) if comes_from(m.object, rig)]
 
 
+def _has_bones(own, named):
+    """Whether a rig has just the bones that a new copy would have."""
+    return {bone.name for bone in own.data.bones} == set(named.values())
+
+
 def _own_rig(route, rig, named, options):
     """The target's rig made from `rig` before, or a copy of it that deforms the target."""
     target = route.target
     before = fitted_rig(target, rig)
-    if before is not None and {bone.name for bone in before.data.bones} == set(named.values()):
+    if before is not None and _has_bones(before, named):
         return before
     own = object_copy(rig, target)
     own.data = copied(rig.data)

@@ -1094,6 +1094,19 @@ def test_object_animation_of_any_slot_is_taken_from_a_copy(copies):
     np.testing.assert_allclose(fitted.matrix_world, before, atol=1e-6)
 
 
+def test_a_rig_that_is_replaced_is_told_of(copies):
+    source, target, _, _ = copies
+    rig = rigged(copies)
+    transfer(source, target, kinds="groups,armature")
+    first = target.find_armature()
+    add_bone(rig, "Jaw", (0, 0, 0), (0, 0, 0.5))
+    transfer(source, target, kinds="groups,armature")
+    assert target.find_armature() == target.parent != first
+    assert "'Target' got a new rig. 'Rig Target' stays in the scene" in notice.words
+    transfer(source, target, kinds="groups,armature")
+    assert not notice.words
+
+
 def test_a_duplicate_of_a_target_gets_a_rig_of_its_own(copies):
     source, target, _, _ = copies
     rigged(copies)
