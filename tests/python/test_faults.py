@@ -362,6 +362,26 @@ print("closing")
     assert done.stdout == b"closing\n" and done.returncode == 0, done.stderr
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system starts every process anew")
+def test_forked_processes_work_after_the_first_has_worked(small, tmp_path):
+    """multiprocessing.Pool forks on Linux: the children have none of the threads that the parent started."""
+    small[0].save(tmp_path / "shape.npz")
+    code = """
+import multiprocessing, sys, sgmds
+shape = sgmds.Shape.load(sys.argv[1])
+expected = sgmds.match(shape, shape).vertices.sum()
+def work(_):
+    mesh = shape.vertices, shape.faces
+    return sgmds.match(shape, sgmds.Shape(*mesh)).vertices.sum() == expected
+with multiprocessing.get_context("fork").Pool(2) as pool:
+    print(pool.map_async(work, range(2)).get(60))
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "shape.npz")], capture_output=True, text=True, timeout=90
+    )
+    assert done.stdout == "[True, True]\n", done.stderr
+
+
 def test_a_panic_names_the_stage():
     with pytest.raises(sgmds.InternalError, match="internal error during selection: provoked; please report"):
         _core.provoke_panic()

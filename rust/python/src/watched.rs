@@ -1,7 +1,7 @@
 //! Runs the core off the interpreter: the lock released, progress told, cancellation heard.
 
-use std::sync::Mutex;
 use std::sync::mpsc::{RecvTimeoutError, channel};
+use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
 use pyo3::exceptions::PyValueError;
@@ -14,6 +14,9 @@ use crate::errors;
 /// Time between two looks at a running computation.
 const GLANCE: Duration = Duration::from_millis(40);
 
+/// The process that may have started the common pool. A child forked from it has the pool, but none of its threads.
+static POOL_OWNER: OnceLock<u32> = OnceLock::new();
+
 /// Runs `work` on its own thread (with `threads` workers, or the process's pool) while this one
 /// calls `progress(stage, fraction)` and handles signals. A callback that returns `False` or
 /// raises, and Ctrl-C, stop the work at its next check.
@@ -23,12 +26,12 @@ pub fn watched<T: Send>(
     threads: Option<usize>,
     work: impl FnOnce(&Progress) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
-    let pool = threads
-        .map(|count| {
-            rayon::ThreadPoolBuilder::new()
-                .num_threads(count.max(1))
-                .build()
-        })
+    let process = std::process::id();
+    let is_forked = *POOL_OWNER.get_or_init(|| process) != process;
+    // Zero stands for the usual number.
+    let workers = threads.map_or(0, |count| count.max(1));
+    let pool = (workers > 0 || is_forked)
+        .then(|| rayon::ThreadPoolBuilder::new().num_threads(workers).build())
         .transpose()
         .map_err(|e| PyValueError::new_err(format!("no pool of {threads:?} threads: {e}")))?;
     let state = Progress::default();
