@@ -27,6 +27,12 @@ TEXTS = {
     "plain.off": "OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n",
     "one_line_header.off": "OFF 4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n",
     "comments.off": "OFF\n# made by hand\n4 2 0\n0 0 0\n1 0 0 # right\n1 1 0\n0 1 0\n3 0 1 2\n3 0 2 3\n",
+    "faces_in_colour.off": "COFF\n4 2 0\n0 0 0 9 9 9 9\n1 0 0 9 9 9 9\n1 1 0 9 9 9 9\n0 1 0 9 9 9 9\n"
+    "3 0 1 2 255 0 0\n3 0 2 3 0.1 0.2 0.3\n",
+    "marked.off": "\ufeffOFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n",
+    "marked.obj": "\ufeffv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
+    "old_mac.obj": "v 0 0 0\rv 1 0 0\rv 1 1 0\rv 0 1 0\rf 1 2 3 4\r",
+    "comments.obj": "v 0 0 0 # first\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4 # all\n",
     "positions.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n",
     "negative.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1\n",
     "continued.obj": "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 \\\n3 4\n",
@@ -70,6 +76,58 @@ def test_binary_ply_keeps_order_and_unused_vertices(tmp_path):
     same(path, vertices, FAN + 1)
 
 
+MIXED = [[0, 1, 4, 2, 3], [1, 4, 2], [0, 1, 2, 3]]
+MIXED_CORNERS = np.concatenate([SQUARE, [[2, 0.5, 0]]])
+MIXED_TRIANGLES = [[0, 1, 4], [0, 4, 2], [0, 2, 3], [1, 4, 2], [0, 1, 2], [0, 2, 3]]
+
+
+def ply(form, faces, vertex="", face=""):
+    """Header of a PLY with further properties of vertices and faces."""
+    return (
+        f"ply\nformat {form} 1.0\ncomment TextureFile skin.png\nelement vertex 5\nproperty float x\n"
+        f"property float y\nproperty float z\n{vertex}element face {faces}\n"
+        f"property list uchar int vertex_indices\n{face}end_header\n"
+    )
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_binary_ply_of_several_sizes_of_polygons(tmp_path, order):
+    """What Blender writes of any character: triangles and quads, and a UV at each vertex."""
+    form = "binary_little_endian" if order == "<" else "binary_big_endian"
+    data = ply(form, 3, "property float s\nproperty float t\n").encode()
+    data += b"".join(struct.pack(order + "5f", *v, *v[:2]) for v in MIXED_CORNERS)
+    data += b"".join(struct.pack(f"{order}B{len(f)}i", len(f), *f) for f in MIXED)
+    path = tmp_path / "mixed.ply"
+    path.write_bytes(data)
+    vertices, faces = read_mesh(path)
+    np.testing.assert_array_equal(vertices, MIXED_CORNERS)
+    np.testing.assert_array_equal(faces, MIXED_TRIANGLES)
+    path.write_bytes(data[:-3])
+    with pytest.raises(MeshError, match="announces 3 of element face, 2 are there; it may be cut short"):
+        read_mesh(path)
+
+
+def test_uvs_at_the_corners_of_a_ply_leave_its_vertices_alone(tmp_path, capfd):
+    """What MeshLab writes: the same vertex has another UV in each face."""
+    lines = [" ".join(map(str, v)) for v in MIXED_CORNERS]
+    lines += [f"3 {a} {b} {c} 6 0 0 .{i} 0 1 1" for i, (a, b, c) in enumerate(MIXED_TRIANGLES)]
+    path = tmp_path / "wedges.ply"
+    path.write_text(ply("ascii", 6, face="property list uchar float texcoord\n") + "\n".join(lines))
+    vertices, faces = read_mesh(path)
+    np.testing.assert_array_equal(vertices, MIXED_CORNERS)
+    np.testing.assert_array_equal(faces, MIXED_TRIANGLES)
+    assert capfd.readouterr().err == ""
+
+
+def test_off_of_several_sizes_of_polygons_keeps_the_order_of_its_faces(tmp_path):
+    rows = [*MIXED_CORNERS.tolist(), *([len(f), *f] for f in MIXED)]
+    path = tmp_path / "mixed.off"
+    path.write_text("OFF\n5 3 0\n" + "\n".join(" ".join(map(str, row)) for row in rows))
+    vertices, faces = read_mesh(path)
+    np.testing.assert_array_equal(vertices, MIXED_CORNERS)
+    np.testing.assert_array_equal(faces, MIXED_TRIANGLES)
+
+
 def test_stl_corners_are_joined(tmp_path):
     path = tmp_path / "square.stl"
     triangles = b"".join(struct.pack("<12fH", 0, 0, 1, *SQUARE[face].reshape(-1), 0) for face in FAN)
@@ -98,6 +156,13 @@ def test_glb(tmp_path):
         ("a.off", b"OFF\n3 2 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n", "announces 2 faces, 1 are there"),
         ("a.off", b"OFF 3 2 0 # two\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2\n", "2 faces, 1 are there"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n", "line 5 .*three corners or more"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nf 0 1 2\nv 0 1 0\n", "line 3 .*counted from 1"),
+        ("a.off", b"OFF BINARY\n\0\0", "should be text"),
+        (
+            "a.ply",
+            ply("ascii", 2).encode() + b"0 0 0 1 0 0 1 1 0 0 1 0 2 0 0 3 0 1 2 3 0 2",
+            "face, 1 are there",
+        ),
         ("a.obj.gz", b"not gzip", "gzip"),
         ("a.ply", b"ply\n", "cannot be read"),
     ],
@@ -121,8 +186,8 @@ def test_a_folder_is_no_mesh(tmp_path):
 
 
 def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
-    path = tmp_path / "square.off"
-    path.write_text(TEXTS["plain.off"])
+    path = tmp_path / "square.stl"
+    path.write_text("solid\nendsolid\n")
     monkeypatch.setitem(sys.modules, "trimesh", None)
     with pytest.raises(MeshError, match=r'trimesh is missing: pip install "\.\[tools\]"'):
         read_mesh(path)

@@ -1,15 +1,17 @@
 """Reading meshes from files, with vertices and faces in the order of the file.
 
-OBJ is read here, because other readers split vertices at UV seams or reorder faces; the other formats
-come through trimesh, told to change nothing.
+OBJ, OFF and PLY are read here, because other readers split vertices at UV seams, reorder faces or refuse
+polygons of several sizes; the other formats come through trimesh, told to change nothing.
 """
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import io
 import itertools
 import re
+import struct
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,12 @@ from . import extras
 
 FORMATS = ("obj", "off", "ply", "stl", "glb")
 GZIPPED = ("off", "obj", "ply")
+_PLY_KINDS = {
+    **{"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I"},
+    **{"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I"},
+    **{"float": "f", "double": "d", "float32": "f", "float64": "d"},
+}
+_PLY_ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
 # How often corners of a polygon that were no ears are looked at again; a polygon that does not cross itself
 # needs two or three.
 _ROUNDS = 8
@@ -43,10 +51,10 @@ def mesh_name(path) -> str:
 def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
     """Vertices (n, 3) float64 and triangles (m, 3) int64 of a mesh file.
 
-    Polygons of an OBJ are triangulated as they lie in space, also hollow ones and those with holes that a
-    double edge joins to the outside; polygons of other formats are cut into fans. Vertices keep the order of
-    the file, unused ones too. STL has no vertices of its own, only corners: equal ones are joined, in order
-    of first appearance. A GLB scene comes in world space, its meshes one after the other.
+    Polygons are triangulated as they lie in space, also hollow ones and those with holes that a double edge
+    joins to the outside. Vertices keep the order of the file, unused ones too. STL has no vertices of its
+    own, only corners: equal ones are joined, in order of first appearance. A GLB scene comes in world space,
+    its meshes one after the other.
 
     Raises `MeshError` naming the file and the reason; what a mesh must satisfy to be matched is checked by
     `Shape`.
@@ -66,9 +74,8 @@ def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
     except (OSError, EOFError) as error:
         raise MeshError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
     try:
-        vertices, faces = (
-            _obj(data) if kind.startswith("obj") else _through_trimesh(data, kind.removesuffix(".gz"))
-        )
+        read = _READERS.get(kind.removesuffix(".gz"))
+        vertices, faces = read(data.removeprefix(codecs.BOM_UTF8)) if read else _through_trimesh(data, kind)
     except Exception as error:
         # Readers fail in many ways on damaged files; each of them is the file's fault.
         raise MeshError(f"{path}: cannot be read as {kind.split('.')[0].upper()}: {error}") from error
@@ -89,8 +96,8 @@ def _obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     positions: list[tuple[float, float, float]] = []
     polygons: list[list[int]] = []
     continued = data.replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
-    for number, line in enumerate(continued.split(b"\n"), start=1):
-        words = line.split()
+    for number, line in enumerate(continued.splitlines(), start=1):
+        words = line.split(b"#", 1)[0].split()
         if not words:
             continue
         try:
@@ -98,7 +105,9 @@ def _obj(data: bytes) -> tuple[np.ndarray, np.ndarray]:
                 positions.append((float(words[1]), float(words[2]), float(words[3])))
             elif words[0] == b"f":
                 ids = [int(word.split(b"/", 1)[0]) for word in words[1:]]
-                # OBJ counts from 1; negative ids count back from the last vertex so far.
+                if 0 in ids:
+                    raise ValueError("vertices are counted from 1")
+                # Negative ids count back from the last vertex so far.
                 ids = [i - 1 if i > 0 else len(positions) + i for i in ids]
                 if len(ids) < 3:
                     raise ValueError("a face has three corners or more")
@@ -189,15 +198,110 @@ def _ears(points: np.ndarray, normal: np.ndarray) -> np.ndarray:
     return np.array(triangles)
 
 
-def _check_off_is_whole(data: bytes) -> None:
-    """Raises `ValueError` when faces that the header announces are missing: the reader takes those there."""
-    after_name = re.split(rb"OFF", re.sub(rb"#[^\r\n]*", b"", data), maxsplit=1)[1]
-    lines = (line for line in io.BytesIO(after_name.replace(b"\r", b"\n")) if not line.isspace())
-    vertices, announced = map(int, next(lines, b"").split()[:2])
-    faces = map(bytes.split, itertools.islice(lines, vertices, vertices + announced))
-    whole = sum(len(words) > int(words[0]) for words in faces)
-    if whole < announced:
-        raise ValueError(f"its header announces {announced} faces, {whole} are there; it may be cut short")
+def _off(data: bytes) -> tuple[np.ndarray, np.ndarray]:
+    text = re.sub(rb"#[^\r\n]*", b"", data)
+    name = re.match(rb"\s*(ST)?C?N?OFF(?!\s*BINARY)", text)
+    if not name:
+        raise ValueError('it should be text that begins with "OFF"')
+    rows = [words for words in map(bytes.split, text[name.end() :].splitlines()) if words]
+    count, announced = (int(word) for word in rows[0][:2])
+    positions, faces = rows[1 : count + 1], rows[count + 1 : count + 1 + announced]
+    for what, wanted, whole in (
+        ("vertices", count, sum(len(row) >= 3 for row in positions)),
+        ("faces", announced, sum(len(row) > int(row[0]) for row in faces)),
+    ):
+        if whole < wanted:
+            raise ValueError(f"its header announces {wanted} {what}, {whole} are there; it may be cut short")
+    vertices = np.array([row[:3] for row in positions], np.float64).reshape(-1, 3)
+    polygons = [[int(word) for word in row[1 : int(row[0]) + 1]] for row in faces]
+    return vertices, _triangulated(vertices, [polygon for polygon in polygons if len(polygon) >= 3])
+
+
+def _ply(data: bytes) -> tuple[np.ndarray, np.ndarray]:
+    header = re.match(rb"ply\s(.*?)\send_header[ \t]*(\r\n|\n|\r)", data, re.DOTALL)
+    if not header:
+        raise ValueError("it has no whole header of a PLY file")
+    body, order = data[header.end() :], ""
+    elements: list[tuple[str, int, list[tuple[str, str, str]]]] = []
+    for line in header[1].decode("latin-1").splitlines():
+        match line.split():
+            case ["format", name, _]:
+                order = _PLY_ORDERS[name]
+            case ["element", name, count]:
+                elements.append((name, int(count), []))
+            case ["property", "list", length, kind, name]:
+                elements[-1][2].append((name, _PLY_KINDS[kind], _PLY_KINDS[length]))
+            case ["property", kind, name]:
+                elements[-1][2].append((name, _PLY_KINDS[kind], ""))
+    if order == "=":
+        # The numbers of a text are read as if they were binary ones.
+        body = np.array(body.split(), np.float64).tobytes()
+        elements = [(e, n, [(p, "d", length and "d") for p, _, length in ps]) for e, n, ps in elements]
+    found: dict[str, dict[str, Any]] = {}
+    place = 0
+    for name, count, properties in elements:
+        found[name], place = _ply_element(body, place, order, name, count, properties)
+    corners, faces = found.get("vertex", {}), found.get("face", {})
+    if not corners:
+        return np.zeros((0, 3)), np.zeros((0, 3), np.int64)
+    vertices = np.column_stack([corners[axis] for axis in "xyz"]).astype(np.float64)
+    lists = faces.get("vertex_indices", faces.get("vertex_index", ()))
+    if isinstance(lists, np.ndarray):
+        if lists.shape[1] == 3:
+            return vertices, lists.astype(np.int64)
+        lists = lists.tolist()
+    polygons = [[int(i) for i in ids] for ids in lists]
+    return vertices, _triangulated(vertices, [polygon for polygon in polygons if len(polygon) >= 3])
+
+
+def _ply_element(
+    data: bytes, start: int, order: str, element: str, count: int, properties: list[tuple[str, str, str]]
+) -> tuple[dict[str, Any], int]:
+    """The values of each property (name, kind, kind of a list's length) of an element, and where it ends."""
+
+    def row(place: int) -> tuple[list[Any], int]:
+        values: list[Any] = []
+        for _, kind, length_kind in properties:
+            length = 1
+            if length_kind:
+                length = int(struct.unpack_from(order + length_kind, data, place)[0])
+                place += struct.calcsize(order + length_kind)
+            form = f"{order}{length}{kind}"
+            read = struct.unpack_from(form, data, place)
+            values.append(read if length_kind else read[0])
+            place += struct.calcsize(form)
+        return values, place
+
+    if not count or not properties:
+        return {}, start
+    rows: list[list[Any]] = []
+    place = start
+    try:
+        # Mostly all rows have lists of the same lengths, and are read at once.
+        fields: list[Any] = []
+        for (name, kind, length_kind), value in zip(properties, row(start)[0], strict=True):
+            if length_kind:
+                fields.append((f"length of {name}", order + length_kind))
+            fields.append((name, order + kind, (len(value),) if length_kind else ()))
+        form = np.dtype(fields)
+        if count * form.itemsize <= len(data) - start:
+            table = np.frombuffer(data, form, count, start)
+            lengths = [table[f"length of {name}"] for name, _, length_kind in properties if length_kind]
+            if all((column == column[0]).all() for column in lengths):
+                return {name: table[name] for name, *_ in properties}, start + count * form.itemsize
+        for _ in range(count):
+            values, place = row(place)
+            rows.append(values)
+    except struct.error:
+        raise ValueError(
+            f"its header announces {count} of element {element}, {len(rows)} are there; it may be cut short"
+        ) from None
+    return {
+        name: column for (name, *_), column in zip(properties, zip(*rows, strict=True), strict=True)
+    }, place
+
+
+_READERS = {"obj": _obj, "off": _off, "ply": _ply}
 
 
 def _through_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
@@ -207,8 +311,6 @@ def _through_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
     mesh: Any = trimesh.load(
         io.BytesIO(data), file_type=kind, force="mesh", process=False, maintain_order=True
     )
-    if kind == "off":
-        _check_off_is_whole(data)
     vertices = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3)
     faces = np.array(getattr(mesh, "faces", ()), dtype=np.int64).reshape(-1, 3)
     if kind == "stl":

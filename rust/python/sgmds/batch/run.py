@@ -74,7 +74,7 @@ def run(
     batch = manifest.read(path, output, anywhere)
     # What every pair, or the report after all of them, would fail for.
     formats = {mesh_format(shape.path).removesuffix(".gz") for shape in batch.shapes}
-    extras.require("matplotlib", *(["trimesh"] if formats - {"obj"} else []))
+    extras.require("matplotlib", *(["trimesh"] if formats & {"stl", "glb"} else []))
     with _claimed(batch.folder):
         if journal.exists(batch.folder) and not resume:
             if not overwrite:
