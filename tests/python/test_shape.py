@@ -139,3 +139,15 @@ def test_scale_invariant_shape_is_saved_with_its_metric(slender, tmp_path):
 def test_unknown_metric_is_refused(slender):
     with pytest.raises(sgmds.SgmdsError, match="metric"):
         sgmds.Shape(slender.vertices, slender.faces, metric="minkowski")
+
+
+def test_masked_entries_are_refused(sphere):
+    """What lies under the mask is anything, often 1e20, and would be taken for data."""
+    vertices, faces = sphere
+    masked = np.ma.array(vertices, mask=False)
+    assert len(sgmds.Shape(masked, faces).vertices) == len(vertices)
+    masked[3] = np.ma.masked
+    with pytest.raises(sgmds.ArgumentError, match="`vertices` has masked entries"):
+        sgmds.Shape(masked, faces)
+    with pytest.raises(sgmds.ArgumentError, match="`uv` has masked entries"):
+        sgmds.uv_islands(vertices, faces, np.ma.masked_less(vertices[faces][..., :2], 0))

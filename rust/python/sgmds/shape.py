@@ -38,6 +38,7 @@ def checked_mesh(vertices: ArrayLike, faces: ArrayLike, copy: bool = True) -> tu
 
     Without `copy` they may share the caller's memory: for a caller who does not keep them.
     """
+    _check_unmasked(vertices=vertices, faces=faces)
     try:
         vertices, faces = np.asarray(vertices), np.asarray(faces)
     except ValueError as error:
@@ -88,6 +89,7 @@ def checked_array(
     In the shape None stands for any length, ... at its end for any further dimensions; without a type it
     keeps its own.
     """
+    _check_unmasked(**{name: values})
     try:
         given = np.asarray(values)
         if given.dtype.kind not in "biufO":
@@ -106,6 +108,13 @@ def checked_array(
         least = ", none below 0" if array.dtype.kind == "u" else ""
         raise ArgumentError(f"`{name}` should be whole numbers{least}")
     return array
+
+
+def _check_unmasked(**arrays: ArrayLike) -> None:
+    """Raises `ArgumentError` for masked entries: what lies under a mask would be taken for data."""
+    for name, array in arrays.items():
+        if np.ma.is_masked(array):
+            raise ArgumentError(f"`{name}` has masked entries: fill them, or leave them out")
 
 
 def checked_count(name: str, value: Any, least: int = 0) -> int:
