@@ -1,5 +1,6 @@
 """The command line: what it writes and its exit status."""
 
+import os
 import subprocess
 import sys
 
@@ -58,6 +59,9 @@ def test_a_map_without_a_folder_is_refused_before_any_work(files, tmp_path, monk
     folder.mkdir()
     assert main(["match", good, good, "-o", str(folder)]) == 1
     assert f"{folder}: is a folder" in capsys.readouterr().err
+    monkeypatch.setattr(os, "access", lambda place, mode: False)
+    assert main(["match", good, good, "-o", str(tmp_path / "map.npz")]) == 1
+    assert f"the folder {tmp_path} cannot be written to" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -159,6 +163,35 @@ def test_import_needs_numpy_alone():
     code = "import sys, sgmds; print({'scipy', 'trimesh', 'matplotlib', 'tqdm'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
+
+
+@pytest.mark.parametrize("encoding", ["ascii", "cp1252"])
+def test_an_output_that_lacks_letters_is_no_failure(tmp_path, encoding):
+    """Windows gives a pipe the code page of the country, which has no √."""
+    command = [sys.executable, "-m", "sgmds.cli", "evaluate", "--help"]
+    done = subprocess.run(command, capture_output=True, env=os.environ | {"PYTHONIOENCODING": encoding})
+    assert done.returncode == 0 and b"\\u221aarea" in done.stdout, done.stderr
+
+
+def test_threads_are_those_of_the_preparation_too(files, tmp_path, monkeypatch):
+    given = []
+
+    class Shape(sgmds.Shape):
+        def __init__(self, *mesh, threads=None, **options):
+            given.append(threads)
+            super().__init__(*mesh, threads=threads, **options)
+
+    monkeypatch.setattr(sgmds, "Shape", Shape)
+    good = str(files / "slender.obj")
+    arguments = ["--metric", "scale-invariant", "--method", "paper", "--threads", "1"]
+    assert main(["match", good, good, "-o", str(tmp_path / "map.npz"), *arguments]) == 0
+    (tmp_path / "corr").mkdir()
+    for name in "ab":
+        (tmp_path / f"{name}.obj").symlink_to(good)
+        (tmp_path / "corr" / f"{name}.txt").write_text("0\n1\n")
+    (tmp_path / "pairs.txt").write_text("a b\n")
+    assert main(["evaluate", str(tmp_path), "--method", "paper", "--threads", "1"]) == 0
+    assert given == [1] * 4
 
 
 @pytest.mark.parametrize(

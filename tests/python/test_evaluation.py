@@ -1,5 +1,7 @@
 """The protocol on a folder made here, against a second computation of it by other means."""
 
+import json
+import re
 import shutil
 from types import SimpleNamespace
 
@@ -152,3 +154,62 @@ def test_distances_without_end_are_told_with_another_way(kind, remedy):
     )
     with pytest.raises(sgmds.SgmdsError, match=f"{kind} distances .* not finite; {remedy}"):
         distances.between([0], [1])
+
+
+@pytest.fixture
+def broken(folder, tmp_path):
+    """A copy of the set, to be damaged."""
+    return shutil.copytree(folder, tmp_path / "set")
+
+
+@pytest.mark.parametrize(
+    ("pairs", "reason"), [("\n", "asks for no map"), ("\nstout1,slender1\n", r"line 2 should be .*'stout1,")]
+)
+def test_pairs_that_are_none_are_told_at_once(broken, pairs, reason):
+    (broken / "pairs.txt").write_text(pairs)
+    with pytest.raises(sgmds.SgmdsError, match=f"pairs.txt: {reason}"):
+        evaluate(broken, method="saved:TRUE")
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "reason"),
+    [
+        ("corr_pairs/stout1__slender1.txt", "-1 5\n", "the truth for the pair stout1 slender1 has no line"),
+        ("corr/IDENTITY", "*\n", r"IDENTITY: '\*' is no regular expression"),
+        ("samples/stout.txt", "1\n", r"stout.sym.txt: should have 1 vertex id"),
+    ],
+)
+def test_a_truth_that_cannot_be_used_fails_its_pair(broken, tmp_path, capsys, name, words, reason):
+    if "pairs" not in name:
+        shutil.rmtree(broken / "corr")
+        shutil.copy(broken / "stout1.off", broken / "stout2.off")
+        (broken / "pairs.txt").write_text("stout1 stout2\n")
+    (broken / name).parent.mkdir(exist_ok=True)
+    (broken / name).write_text(words)
+    if "samples" in name:
+        (broken / "corr").mkdir()
+        (broken / "corr" / "IDENTITY").write_text(".*\n")
+    figures = tmp_path / "figures.json"
+    arguments = ["evaluate", str(broken), "--method", "paper", "--json", str(figures), "-q"]
+    assert main(arguments) == 1
+    printed = capsys.readouterr()
+    assert printed.err == "sgmds: 1 of 1 pairs could not be matched: see above\n"
+
+    def refused(constant):
+        raise AssertionError(f"{constant} is not JSON")
+
+    record = json.loads(figures.read_text(), parse_constant=refused)["sets"]["set"]
+    assert record["summary"]["direct"] is None
+    (told,) = record["failed"].values()
+    assert re.search(reason, told)
+
+
+def test_kept_distances_that_are_damaged_are_named(folder, tmp_path, slender):
+    cache = tmp_path / "cache"
+    mesh = slender.vertices, slender.faces
+    first = TruthDistances(*mesh, cache=cache).between([3], [5])
+    (kept,) = cache.iterdir()
+    assert TruthDistances(*mesh, cache=cache).between([3], [5]) == first
+    kept.write_bytes(kept.read_bytes()[:100])
+    with pytest.raises(sgmds.SgmdsError, match=f"{kept.name}: is damaged .*; delete it"):
+        TruthDistances(*mesh, cache=cache)

@@ -75,8 +75,9 @@ except OSError as error:
 def test_folder_that_cannot_be_written(corr, tmp_path):
     (tmp_path / "file").write_text("not a folder")
     for path in ("/proc/map.npz", tmp_path / "none" / "map.npz", tmp_path / "file" / "map.npz"):
-        with pytest.raises(OSError):
+        with pytest.raises(OSError) as told:
             corr.save(path)
+        assert told.value.filename == str(path)
 
 
 def test_killed_in_mid_write(corr, tmp_path):

@@ -4,14 +4,18 @@ cancelled."""
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import math
+import os
 import sys
 from pathlib import Path
+from typing import Any
 
 from . import __version__, extras
 from .matching import METHODS, PARTS
 from .shape import METRICS
+from .whole_file import whole_file
 
 CANCELLED = 130
 PICTURES = (".svg", ".pdf", ".png", ".eps", ".jpg", ".webp")
@@ -20,6 +24,9 @@ UNUSED = {"noise": ("plot",), "ablation": ("plot", "method"), "runtime": ("plot"
 
 
 def main(arguments: list[str] | None = None) -> int:
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # As standard error does: a letter that the encoding lacks is no reason to fail.
+        sys.stdout.reconfigure(errors="backslashreplace")
     options = _parser().parse_args(arguments)
     import sgmds
 
@@ -210,9 +217,11 @@ def _picture(text: str) -> Path:
 def _fault_of_place(path: Path) -> str | None:
     if path.is_dir():
         return f"{path}: is a folder; please name a file"
-    if path.parent.is_dir():
-        return None
-    return f"{path}: there is no folder {path.parent}; please make it first"
+    if not path.parent.is_dir():
+        return f"{path}: there is no folder {path.parent}; please make it first"
+    if not os.access(path.parent, os.W_OK):
+        return f"{path}: the folder {path.parent} cannot be written to; please name another place"
+    return None
 
 
 def _landmark(text: str) -> tuple[int, int]:
@@ -233,6 +242,23 @@ def _method(text: str) -> str:
     if text in METHODS or text.startswith("saved:"):
         return text
     raise argparse.ArgumentTypeError(f'should be one of {", ".join(METHODS)} or "saved:NAME"')
+
+
+def _write_json(path: Path, figures: Any) -> None:
+    with whole_file(path) as file:
+        file.write(json.dumps(_without_nan(figures), indent=1, allow_nan=False) + "\n")
+
+
+def _without_nan(figures: Any) -> Any:
+    """JSON has no word for what is no finite number: null."""
+    match figures:
+        case dict():
+            return {name: _without_nan(figure) for name, figure in figures.items()}
+        case list() | tuple():
+            return [_without_nan(figure) for figure in figures]
+        case float() if not math.isfinite(figures):
+            return None
+    return figures
 
 
 def _given(options, *names) -> dict:
@@ -258,7 +284,11 @@ def _match(options) -> int:
                 shapes = []
                 for role, mesh in zip(("source", "target"), meshes, strict=True):
                     try:
-                        shapes.append(sgmds.Shape(*mesh, metric=options.metric, progress=progress))
+                        shapes.append(
+                            sgmds.Shape(
+                                *mesh, metric=options.metric, progress=progress, threads=options.threads
+                            )
+                        )
                     except sgmds.MeshError as error:
                         raise sgmds.MeshError(f"{role}: {error}") from error
             corr = sgmds.match(
@@ -304,11 +334,13 @@ def _evaluate(options) -> int:
         **_given(options, "part", "mirror", "same_axes", "without", "threads", "seed"),
     )
     if options.json:
-        options.json.write_text(json.dumps(result.as_json(), indent=1) + "\n", encoding="utf-8")
+        _write_json(options.json, result.as_json())
     if options.plot:
         result.plot(options.plot)
     print(result.text())
-    return 0 if result.pairs and not any(s.failed for s in result.sets) else 1
+    if failed := sum(len(s.failed) for s in result.sets):
+        return _fail(f"{failed} of {failed + len(result.pairs)} pairs could not be matched: see above")
+    return 0
 
 
 def _reproduce(options) -> int:
@@ -339,7 +371,7 @@ def _reproduce(options) -> int:
             given["plot"] = options.plot
         records = getattr(experiments, options.experiment)(options.folder, options.set, **given)
     if options.json:
-        options.json.write_text(json.dumps(records, indent=1) + "\n", encoding="utf-8")
+        _write_json(options.json, records)
     return 0
 
 
@@ -380,7 +412,7 @@ def _bench(options) -> int:
         report=lambda line: print(line, flush=True),
     )
     if options.json:
-        options.json.write_text(json.dumps(records, indent=1) + "\n", encoding="utf-8")
+        _write_json(options.json, records)
     return 0
 
 

@@ -34,6 +34,7 @@ import numpy as np
 from .errors import ArgumentError
 from .files import mesh_format, mesh_name, read_mesh
 from .matching import check_method, listed
+from .whole_file import whole_file
 
 TRUTH_LINES = 400
 """Truth lines asked of a pair, spread evenly; fewer than 200 move the mean by one or two units."""
@@ -73,10 +74,21 @@ class ShapeSet:
         self.folder = Path(folder)
         self.name = self.folder.resolve().name
         self._files = {mesh_name(p): p for p in sorted(self.folder.iterdir()) if mesh_format(p)}
+        self._pairs: list[tuple[str, str]] = []
+        path = self.folder / "pairs.txt"
+        for number, line in enumerate(_text(path).splitlines(), start=1):
+            words = line.split()
+            if len(words) == 1:
+                raise _evaluation_error(
+                    f'{path}: line {number} should be "A B", names of two meshes, got {line!r}'
+                )
+            if words:
+                self._pairs.append((words[0], words[1]))
+        if not self._pairs:
+            raise _evaluation_error(f'{path}: asks for no map; write a line "A B" for each')
 
     def pairs(self) -> list[tuple[str, str]]:
-        lines = _text(self.folder / "pairs.txt").splitlines()
-        return [(words[0], words[1]) for words in map(str.split, lines) if len(words) >= 2]
+        return list(self._pairs)
 
     def mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         if name not in self._files:
@@ -103,6 +115,8 @@ class ShapeSet:
             else:
                 swapped = None
         count = len(ids_a)
+        if not count:
+            raise _evaluation_error(f"{self.folder}: the truth for the pair {a} {b} has no line")
         chosen = np.arange(count)
         if lines is not None and count > lines:
             chosen = np.linspace(0, count - 1, lines).astype(int)
@@ -163,7 +177,12 @@ class ShapeSet:
         if not path.exists():
             return False
         patterns = [line.strip() for line in _text(path).splitlines() if line.strip()]
-        return any(re.fullmatch(p, a) and re.fullmatch(p, b) for p in patterns)
+        try:
+            return any(re.fullmatch(p, a) and re.fullmatch(p, b) for p in patterns)
+        except re.error as error:
+            raise _evaluation_error(
+                f"{path}: {error.pattern!r} is no regular expression ({error}); any name is .*"
+            ) from error
 
 
 def find_sets(folder, names: Iterable[str] | None = None) -> list[ShapeSet]:
@@ -200,7 +219,7 @@ def _ids(path: Path, columns: int = 1) -> np.ndarray:
         found = np.loadtxt(path, dtype=np.int64, ndmin=2)
         if found.size and found.shape[1] != columns:
             raise ValueError(f"it has {found.shape[1]}")
-    except (ValueError, OverflowError) as error:
+    except (OSError, ValueError, OverflowError) as error:
         raise _evaluation_error(f"{path}: should have {columns} vertex id(s) a line: {error}") from error
     return found.reshape(-1, columns) if columns > 1 else found.reshape(-1)
 
@@ -247,8 +266,12 @@ class TruthDistances:
             content = hashlib.sha256(kind.encode() + vertices.tobytes() + faces.tobytes()).hexdigest()[:24]
             self._file = Path(cache) / f"{content}.npz"
             if self._file.exists():
-                with np.load(self._file) as stored:
-                    self._rows = dict(zip(stored["ids"].tolist(), stored["rows"], strict=True))
+                try:
+                    with np.load(self._file) as stored:
+                        self._rows = dict(zip(stored["ids"].tolist(), stored["rows"], strict=True))
+                except Exception as error:
+                    # As in `archive.read`, damage shows in many ways.
+                    raise _evaluation_error(f"{self._file}: is damaged ({error}); delete it") from error
 
     def between(self, origins, points) -> np.ndarray:
         """Distances from `origins[i]` to `points[i]`. Rows of the origins are kept, so put the truth
@@ -259,9 +282,8 @@ class TruthDistances:
                 self._rows[i] = (self._row(i) / self.scale).astype(np.float32)
             if self._file is not None:
                 self._file.parent.mkdir(parents=True, exist_ok=True)
-                temporary = self._file.with_suffix(".part.npz")
-                np.savez(temporary, ids=np.array(list(self._rows)), rows=np.stack(list(self._rows.values())))
-                temporary.replace(self._file)
+                with whole_file(self._file, binary=True) as file:
+                    np.savez(file, ids=np.array(list(self._rows)), rows=np.stack(list(self._rows.values())))
         return np.array(
             [self._rows[int(i)][j] for i, j in zip(origins, points, strict=True)], dtype=np.float64
         )
@@ -644,7 +666,7 @@ def _evaluate_set(
         pairs = [(b, a) for a, b in pairs]
     label = method if isinstance(method, str) else getattr(method, "__name__", "callable")
     result = SetResult(shapes.name, label, distances, bound)
-    pool = _ShapePool(shapes, pairs, distances, metric, cache)
+    pool = _ShapePool(shapes, pairs, distances, metric, cache, match_options.get("threads"))
     others = [m for m in shapes.saved_maps() if SAVED + m != label] if compare else []
     report(ROW_HEADER)
     for a, b in pairs:
@@ -754,8 +776,9 @@ class _ShapePool:
     """Meshes, prepared shapes and truth distances, each made when first needed and dropped after its last
     pair."""
 
-    def __init__(self, shapes: ShapeSet, pairs, distances: str, metric: str, cache):
+    def __init__(self, shapes: ShapeSet, pairs, distances: str, metric: str, cache, threads: int | None):
         self._shapes, self._kind, self._metric, self._cache = shapes, distances, metric, cache
+        self._threads = threads
         self._uses = Counter(name for pair in pairs for name in pair)
         self._meshes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._made: dict[str, Any] = {}
@@ -773,7 +796,7 @@ class _ShapePool:
 
             mesh = self.mesh(name)
             started = time.perf_counter()
-            self._made[name] = sgmds.Shape(*mesh, metric=self._metric)
+            self._made[name] = sgmds.Shape(*mesh, metric=self._metric, threads=self._threads)
             self.prepare_seconds[name] = time.perf_counter() - started
         return self._made[name]
 

@@ -15,7 +15,10 @@ def whole_file(path: str | os.PathLike[str], *, binary: bool = False) -> Iterato
     path = Path(path)
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     # Not the tempfile module's: those can be read by nobody else.
-    file = open(temporary, "xb") if binary else open(temporary, "x", encoding="utf-8", newline="")
+    try:
+        file = open(temporary, "xb") if binary else open(temporary, "x", encoding="utf-8", newline="")
+    except OSError as error:
+        raise type(error)(error.errno, error.strerror, str(path)) from None
     try:
         with file:
             yield file
