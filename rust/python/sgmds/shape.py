@@ -113,7 +113,7 @@ def checked_array(
 def _check_unmasked(**arrays: ArrayLike) -> None:
     """Raises `ArgumentError` for masked entries: what lies under a mask would be taken for data."""
     for name, array in arrays.items():
-        if np.ma.is_masked(array):
+        if isinstance(array, np.ma.MaskedArray) and np.any(array.mask):
             raise ArgumentError(f"`{name}` has masked entries: fill them, or leave them out")
 
 
