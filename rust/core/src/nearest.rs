@@ -115,3 +115,27 @@ fn lowest_sum(scores: &[f32], offsets: &[f32]) -> f32 {
     }
     lower(rest, lanes[0])
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_first_of_the_lowest_sums_is_found() {
+        // Few different numbers, so that most lengths have several lowest sums, in any block and beyond the last.
+        let mut state = 1u64;
+        let mut draw = || {
+            state = state
+                .wrapping_mul(6_364_136_223_846_793_005)
+                .wrapping_add(1);
+            (state >> 33) as f32 % 40.0
+        };
+        for count in 0..400 {
+            let scores: Vec<f32> = (0..count).map(|_| draw()).collect();
+            let offsets: Vec<f32> = (0..count).map(|_| draw()).collect();
+            let sum = |i: usize| scores[i] + offsets[i];
+            let first = (0..count).min_by(|&i, &j| sum(i).total_cmp(&sum(j)));
+            assert_eq!(lowest(&scores, &offsets), first.unwrap_or(0) as u32);
+        }
+    }
+}
