@@ -157,6 +157,8 @@ def test_glb(tmp_path):
         ("a.off", b"OFF 3 2 0 # two\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n3 0 2\n", "2 faces, 1 are there"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n", "line 5 .*three corners or more"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nf 0 1 2\nv 0 1 0\n", "line 3 .*counted from 1"),
+        ("a.off", b"OFF\n", "does not say how many"),
+        ("a.ply", ply("ascii", -1).encode() + b"0 0 0 1 0 0 1 1 0 0 1 0 2 0 0 3 0 1 2", "no faces"),
         ("a.off", b"OFF BINARY\n\0\0", "should be text"),
         (
             "a.ply",

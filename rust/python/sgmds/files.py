@@ -204,6 +204,8 @@ def _off(data: bytes) -> tuple[np.ndarray, np.ndarray]:
     if not name:
         raise ValueError('it should be text that begins with "OFF"')
     rows = [words for words in map(bytes.split, text[name.end() :].splitlines()) if words]
+    if not rows or len(rows[0]) < 2:
+        raise ValueError("it does not say how many vertices and faces it has; it may be cut short")
     count, announced = (int(word) for word in rows[0][:2])
     positions, faces = rows[1 : count + 1], rows[count + 1 : count + 1 + announced]
     for what, wanted, whole in (
@@ -272,7 +274,7 @@ def _ply_element(
             place += struct.calcsize(form)
         return values, place
 
-    if not count or not properties:
+    if count <= 0 or not properties:
         return {}, start
     rows: list[list[Any]] = []
     place = start
