@@ -132,7 +132,8 @@ def duplicated(v, f):
 
 def inner_wall(v, f):
     """Faces between opposite sides of the body: edges with three faces, inside."""
-    near = np.argsort(np.abs(v[:, 2] - np.median(v[:, 2])))[:12]
+    # Around the trunk: vertices of one height would be those of hands and legs too.
+    near = np.argsort(np.linalg.norm(v - v.mean(axis=0), axis=1), kind="stable")[:60]
     walls = np.sort(np.random.default_rng(1).choice(near, (4, 3), replace=True), axis=1)
     walls = walls[(np.diff(walls, axis=1) > 0).all(axis=1)]
     return v, np.concatenate([f, walls]), {}
