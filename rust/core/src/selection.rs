@@ -248,8 +248,10 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
     let rows_t = Rows::from_matrix(target.basis.functions.as_ref(), k);
     let turned = dense::product(source.functions(k), matrix.as_ref());
     let rows_s = Rows::from_matrix(turned.as_ref(), k);
-    let images = nearest(&rows_t.gather(ask_t), &rows_s);
-    let back = nearest(&rows_s.gather(ask_s), &rows_t);
+    let (images, back) = rayon::join(
+        || nearest(&rows_t.gather(ask_t), &rows_s),
+        || nearest(&rows_s.gather(ask_s), &rows_t),
+    );
     let change = |a: &Shape, p: &[u32], b: &Shape, q: &[u32]| {
         mean_change(
             &a.spectral_distances(p, p),
@@ -258,10 +260,11 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
         )
     };
     let distortion = if pair.uses(Part::Geodesic) {
-        pair.shares.mean(
-            change(target, ask_t, source, &images),
-            change(source, ask_s, target, &back),
-        )
+        let (here, there) = rayon::join(
+            || change(target, ask_t, source, &images),
+            || change(source, ask_s, target, &back),
+        );
+        pair.shares.mean(here, there)
     } else {
         1.0
     };
@@ -317,9 +320,13 @@ fn orientation_of(
     } else {
         FUNCTIONS
     };
+    let (on_target, on_source) = rayon::join(
+        || TangentGradients::new(pair.target, here, functions),
+        || TangentGradients::new(pair.source, there, functions),
+    );
     orientation(
-        &TangentGradients::new(pair.target, here, functions),
-        &TangentGradients::new(pair.source, there, functions),
+        &on_target,
+        &on_source,
         matrix,
         (0..here.len()).map(|i| (i, i)),
         ORIENTATION_FUNCTIONS,
@@ -565,13 +572,19 @@ pub fn figures(
         let there = Scale(1.0 / unit) * b.spectral_distances(images, images);
         mean_change(&a.spectral_distances(asking, asking), &there, LOCAL)
     };
-    Figures {
-        orientation: orientation_of(pair, matrix, on_source, on_target),
-        local_distortion: if pair.uses(Part::Geodesic) {
-            pair.shares.mean(
-                change(target, pair.lengths, source, on_source),
-                change(source, 1.0 / pair.lengths, target, on_target),
+    let (orientation, (here, there)) = rayon::join(
+        || orientation_of(pair, matrix, on_source, on_target),
+        || {
+            rayon::join(
+                || change(target, pair.lengths, source, on_source),
+                || change(source, 1.0 / pair.lengths, target, on_target),
             )
+        },
+    );
+    Figures {
+        orientation,
+        local_distortion: if pair.uses(Part::Geodesic) {
+            pair.shares.mean(here, there)
         } else {
             0.0
         },

@@ -56,8 +56,11 @@ pub(super) fn whole_or_part(
         let stage = |s: &'static str, f: f64| report(s, from + (to - from) * f);
         hypotheses(&Pair { shares, ..*pair }, width, progress, &stage)
     };
-    let narrow = found_or_none(search(pair, Shares::BOTH, Width::NARROW, (0.0, 0.1)))?;
-    let narrow = selection::merged(pair.source, narrow, as_they_lie(pair, progress)?);
+    let (narrow, as_they_lie) = rayon::join(
+        || found_or_none(search(pair, Shares::BOTH, Width::NARROW, (0.0, 0.1))),
+        || as_they_lie(pair, progress),
+    );
+    let narrow = selection::merged(pair.source, narrow?, as_they_lie?);
     let part = part_by_given_lengths(pair);
     if selection::stands_alone(&narrow) && quality::clear(&narrow[0].figures) {
         let within = |f: f64| report("selection", 0.1 + 0.5 * f);

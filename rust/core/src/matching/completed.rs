@@ -97,9 +97,13 @@ pub(super) fn ranked<'a>(
     progress: &Progress,
 ) -> Result<Completed<'a>> {
     let images = state.target().images.vertex.clone();
+    let (figures, distortion) = rayon::join(
+        || judged(pair, hypothesis, &state),
+        || local_distortion(pair.target, pair.source, &images, pair.lengths, progress),
+    );
     Ok(Completed {
-        figures: judged(pair, hypothesis, &state)?,
-        distortion: local_distortion(pair.target, pair.source, &images, pair.lengths, progress)?,
+        figures: figures?,
+        distortion: distortion?,
         images,
         state,
     })

@@ -119,38 +119,63 @@ pub(super) fn dense_map(
         vector::norm(vector::sub(vertices[v], vertices[end]))
     };
     let rims = beyond_rims(&source.mesh, &target.mesh, images);
-    let mut trust: Vec<f64> = misfit
+    let trust: Vec<f64> = misfit
         .iter()
         .enumerate()
         .map(|(v, &(distortion, gap))| confidence(distortion, gap, returns(v), rims[v]))
         .collect();
-    let mut points = if let Some(full) = &target.full {
-        trust = full.carried(&trust, &target.mesh);
-        pointwise_map::projected_at_full_resolution(
-            (target, target_rows, full),
-            (source, source_rows),
-            images,
-            check,
-        )?
-    } else {
-        pointwise_map::projected(target_rows, source_rows, images, source, check)?
+    let (points, functional_map) = rayon::join(
+        || {
+            located(
+                source,
+                target,
+                (target_rows, images),
+                source_rows,
+                landmarks,
+                check,
+            )
+        },
+        || functional_map(source, target, images, back, check),
+    );
+    let (points, functional_map) = (points?, functional_map?);
+    let trust = match &target.full {
+        Some(full) => full.carried(&trust, &target.mesh),
+        None => trust,
     };
-    for &(known, asking) in landmarks {
-        let vertex = target
-            .full
-            .as_ref()
-            .map_or(asking, |f| f.kept[asking as usize]);
-        points[vertex as usize] = SurfacePoint::at_vertex(source, known);
-    }
-    if let Some(full) = &source.full {
-        points = full.located(&points, &source.mesh, check)?;
-    }
-    let functional_map = functional_map(source, target, images, back, check)?;
     let mut found = in_given_numbering(source, target, &points, &trust, functional_map);
     if source.full.is_some() || target.full.is_some() {
         found.points = points;
     }
     Ok(found)
+}
+
+/// Point of the given source mesh for each vertex of the given target mesh.
+fn located(
+    source: &Shape,
+    target: &Shape,
+    (target_rows, images): (&Rows, &[u32]),
+    source_rows: &Rows,
+    landmarks: &[(u32, u32)],
+    check: Check<'_>,
+) -> Result<Vec<SurfacePoint>> {
+    let full = target.full.as_ref();
+    let mut points = match full {
+        Some(full) => pointwise_map::projected_at_full_resolution(
+            (target, target_rows, full),
+            (source, source_rows),
+            images,
+            check,
+        ),
+        None => pointwise_map::projected(target_rows, source_rows, images, source, check),
+    }?;
+    for &(known, asking) in landmarks {
+        let vertex = full.map_or(asking, |f| f.kept[asking as usize]);
+        points[vertex as usize] = SurfacePoint::at_vertex(source, known);
+    }
+    match &source.full {
+        Some(full) => full.located(&points, &source.mesh, check),
+        None => Ok(points),
+    }
 }
 
 /// α with Φₜ α ≈ Φₛ at matched points of both vertex maps, weighted by area; in given units a

@@ -15,7 +15,8 @@
 use std::f64::consts::PI;
 
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatRef, Par};
+use faer::{Accum, Mat, MatMut, MatRef, Par};
+use rayon::prelude::*;
 
 use crate::dense::{self, Rows};
 use crate::error::Result;
@@ -72,6 +73,8 @@ const DISPLACEMENT_RIDGE: f64 = 2e-4;
 const MAP_RIDGE: f64 = 1e-3;
 /// Eigenvalue that sets the scale of the displacement's smoothness.
 const SMOOTHNESS_PAIR: usize = 20;
+/// Vertices whose rows are written at once, by one thread.
+const EMBEDDED_AT_ONCE: usize = 512;
 /// Sweeps of the nearest neighbours at each step.
 const SWEEPS: usize = 3;
 
@@ -382,41 +385,54 @@ impl<'a> Side<'a> {
         let looks = self.shape.descriptors.detail.ncols();
         let before = 6 + self.fixed.ncols();
         let spectrum = before..before + k;
-        let rows = &mut self.rows;
-        rows.resize(n, spectrum.end.next_multiple_of(COMPARED));
         let functions = &self.shape.rows;
-        if let Some(matrix) = matrix {
-            let transposed =
-                Mat::from_fn(k, matrix.nrows(), |i, j| scales[i] * matrix[(j, i)] as f32);
-            matmul(
-                rows.as_columns_mut().subrows_mut(before, k),
-                Accum::Replace,
-                transposed.as_ref(),
-                functions.as_columns().subrows(0, matrix.nrows()),
-                1.0,
-                Par::Seq,
-            );
-        } else {
-            for i in 0..n {
-                let row = rows.row_mut(i)[spectrum.clone()].iter_mut();
-                for ((out, value), scale) in row.zip(functions.row(i)).zip(&scales) {
-                    *out = scale * value;
-                }
-            }
-        }
+        let transposed = matrix.map(|matrix| {
+            Mat::from_fn(k, matrix.nrows(), |i, j| scales[i] * matrix[(j, i)] as f32)
+        });
+        let dims = spectrum.end.next_multiple_of(COMPARED);
+        self.rows.resize(n, dims);
         let shown = if self.extrinsic { 1.0 } else { 0.0 };
-        for i in 0..n {
-            let row = rows.row_mut(i);
-            row[spectrum.end..].fill(0.0);
-            for c in 0..3 {
-                row[c] = (shown * weights.positions * positions[i][c]) as f32;
-                row[3 + c] = (shown * sign * normals[i][c]) as f32;
+        let fixed = &self.fixed;
+        let write = |block: usize, rows: &mut [f32]| {
+            let first = block * EMBEDDED_AT_ONCE;
+            if let Some(transposed) = &transposed {
+                let count = rows.len() / dims;
+                let of_block =
+                    functions
+                        .as_columns()
+                        .submatrix(0, first, transposed.ncols(), count);
+                matmul(
+                    MatMut::from_column_major_slice_mut(rows, dims, count).subrows_mut(before, k),
+                    Accum::Replace,
+                    transposed.as_ref(),
+                    of_block,
+                    1.0,
+                    Par::Seq,
+                );
             }
-            for (c, out) in row[6..before].iter_mut().enumerate() {
-                let weight = if c < looks { weights.looks } else { 1.0 };
-                *out = weight * self.fixed[(i, c)];
+            for (i, row) in (first..).zip(rows.chunks_exact_mut(dims)) {
+                for c in 0..3 {
+                    row[c] = (shown * weights.positions * positions[i][c]) as f32;
+                    row[3 + c] = (shown * sign * normals[i][c]) as f32;
+                }
+                for (c, out) in row[6..before].iter_mut().enumerate() {
+                    let weight = if c < looks { weights.looks } else { 1.0 };
+                    *out = weight * fixed[(i, c)];
+                }
+                if transposed.is_none() {
+                    let row = row[spectrum.clone()].iter_mut();
+                    for ((out, value), scale) in row.zip(functions.row(i)).zip(&scales) {
+                        *out = scale * value;
+                    }
+                }
+                row[spectrum.end..].fill(0.0);
             }
-        }
+        };
+        self.rows
+            .data
+            .par_chunks_mut(EMBEDDED_AT_ONCE * dims)
+            .enumerate()
+            .for_each(|(block, rows)| write(block, rows));
     }
 }
 
@@ -708,8 +724,8 @@ impl<'a> Refined<'a> {
     fn advance(&mut self, k: usize, detail: usize, check: Check<'_>) -> Result<()> {
         check()?;
         let [k_moving, k_still] = self.sizes(k.max(detail));
-        self.moving.low_pass(k_moving);
-        self.still.low_pass(k_still);
+        let (moving, still) = (&mut self.moving, &mut self.still);
+        rayon::join(|| moving.low_pass(k_moving), || still.low_pass(k_still));
         let at_images = self.at_images(k);
         let (deformed, matrix) = rayon::join(
             || self.displaced(&at_images, check),
@@ -739,7 +755,7 @@ impl<'a> Refined<'a> {
         let start = (0..self.deformed.nrows())
             .map(|v| self.deformed_at(v))
             .collect();
-        let mut surface = RigidSurface::new(&rest, &mesh.faces, start);
+        let mut surface = RigidSurface::new(&rest, &mesh.faces, start)?;
         for (step, &size) in sizes.iter().enumerate() {
             let check = || report(step);
             let at_images = self.at_images(size.min(most));
@@ -852,8 +868,8 @@ impl<'a> Refined<'a> {
     /// fits.
     fn at_images(&mut self, k: usize) -> [Rows; 2] {
         let [k_moving, k_still] = self.sizes(k);
-        self.moving.weigh(k_moving);
-        self.still.weigh(k_still);
+        let (m, s) = (&mut self.moving, &mut self.still);
+        rayon::join(|| m.weigh(k_moving), || s.weigh(k_still));
         let (m, s) = (&self.moving, &self.still);
         let (asked, answered) =
             rayon::join(|| m.at_images(s, k_still), || s.at_images(m, k_moving));
@@ -986,15 +1002,20 @@ fn fitted(
     check: Check<'_>,
 ) -> Result<(Mat<f64>, Vec<f64>)> {
     check()?;
-    let asked_gram = dense::gram(asked);
+    let ((asked_gram, asked_right, own), (to_gram, to_right, answered)) = rayon::join(
+        || {
+            let right = dense::sum_of_products(asked, from_own);
+            (dense::gram(asked), right, from_own.squares())
+        },
+        || {
+            let right = dense::sum_of_products(to_own, answered);
+            (to.gram_of(to_own), right, answered.squares())
+        },
+    );
     check()?;
-    let gram = &asked_gram + &to.gram_of(to_own);
-    check()?;
-    let asked_right = dense::sum_of_products(asked, from_own);
-    check()?;
-    let right = &asked_right + &dense::sum_of_products(to_own, answered);
+    let right = asked_right + to_right;
+    let gram = asked_gram + to_gram;
     let matrix = dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())?;
-    let (own, answered) = (from_own.squares(), answered.squares());
     let shared = (0..from_own.dims)
         .map(|j| {
             let found = matrix.col(j).transpose() * right.col(j);

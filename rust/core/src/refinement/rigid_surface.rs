@@ -37,7 +37,11 @@ type Rotation = [Point; 3];
 pub struct RigidSurface<'a> {
     rest: &'a [Point],
     edges: EdgeWeights,
-    symbolic: Option<SymbolicLlt<usize>>,
+    /// Lower half of μW + diag(w) with the last pulls, the diagonal first in each column.
+    matrix: SparseColMat<usize, f64>,
+    /// Its diagonal without pulls.
+    stiffness: Vec<f64>,
+    symbolic: SymbolicLlt<usize>,
     rotations: Vec<Rotation>,
     /// Where the vertices are.
     pub positions: Vec<Point>,
@@ -45,15 +49,34 @@ pub struct RigidSurface<'a> {
 
 impl<'a> RigidSurface<'a> {
     /// A surface at the given positions, which a rotation may have brought there.
-    #[must_use]
-    pub fn new(rest: &'a [Point], triangles: &[[u32; 3]], positions: Vec<Point>) -> Self {
-        Self {
-            edges: EdgeWeights::new(rest, triangles),
-            symbolic: None,
-            rotations: vec![[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]; rest.len()],
+    ///
+    /// # Errors
+    /// [`Error::NotFactorised`].
+    pub fn new(rest: &'a [Point], triangles: &[[u32; 3]], positions: Vec<Point>) -> Result<Self> {
+        let (n, edges) = (rest.len(), EdgeWeights::new(rest, triangles));
+        let mut stiffness = vec![0.0; n];
+        let mut entries = Vec::with_capacity(n + edges.weights.len() / 2);
+        for (i, diagonal) in stiffness.iter_mut().enumerate() {
+            for (j, w) in edges.row(i) {
+                *diagonal += RIGIDITY * w;
+                if (j as usize) < i {
+                    entries.push(Triplet::new(i, j as usize, -RIGIDITY * w));
+                }
+            }
+            entries.push(Triplet::new(i, i, *diagonal));
+        }
+        let matrix = SparseColMat::try_new_from_triplets(n, n, &entries).map_err(not_factorised)?;
+        let symbolic =
+            SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(not_factorised)?;
+        Ok(Self {
+            matrix,
+            stiffness,
+            symbolic,
+            rotations: vec![[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]; n],
+            edges,
             positions,
             rest,
-        }
+        })
     }
 
     /// Moves towards Σ wᵢyᵢ / Σ wᵢ of each vertex: `pulls` are `[Σ w, Σ w y]`, `(n)`.
@@ -97,30 +120,11 @@ impl<'a> RigidSurface<'a> {
 
     /// Factor of μW + diag(w).
     fn factor(&mut self, pulls: &[(f64, Point)]) -> Result<Llt<usize, f64>> {
-        let failed = |reason: String| Error::NotFactorised { reason };
-        let n = self.rest.len();
-        let mut entries = Vec::with_capacity(n + self.edges.weights.len() / 2);
-        for (i, pull) in pulls.iter().enumerate() {
-            let mut diagonal = pull.0.max(LEAST_PULL);
-            for (j, w) in self.edges.row(i) {
-                diagonal += RIGIDITY * w;
-                if (j as usize) < i {
-                    entries.push(Triplet::new(i, j as usize, -RIGIDITY * w));
-                }
-            }
-            entries.push(Triplet::new(i, i, diagonal));
+        for (j, (pull, stiffness)) in pulls.iter().zip(&self.stiffness).enumerate() {
+            self.matrix.val_of_col_mut(j)[0] = stiffness + pull.0.max(LEAST_PULL);
         }
-        let matrix = SparseColMat::<usize, f64>::try_new_from_triplets(n, n, &entries)
-            .map_err(|e| failed(format!("{e:?}")))?;
-        let symbolic = if let Some(known) = &self.symbolic {
-            known.clone()
-        } else {
-            let new = SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
-                .map_err(|e| failed(format!("{e:?}")))?;
-            self.symbolic.insert(new).clone()
-        };
-        Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower)
-            .map_err(|e| failed(format!("{e:?}")))
+        Llt::try_new_with_symbolic(self.symbolic.clone(), self.matrix.as_ref(), Side::Lower)
+            .map_err(not_factorised)
     }
 
     /// The rotation around each vertex that fits its edges best.
@@ -147,6 +151,12 @@ impl<'a> RigidSurface<'a> {
                 }
                 rotate_towards(rotation, &covariance);
             });
+    }
+}
+
+fn not_factorised(reason: impl std::fmt::Debug) -> Error {
+    Error::NotFactorised {
+        reason: format!("{reason:?}"),
     }
 }
 
@@ -211,7 +221,7 @@ mod tests {
     fn three_drawn_vertices_move_a_rigid_surface_as_a_whole() {
         let (rest, triangles) = strip();
         let there: Vec<Point> = rest.iter().map(|&p| moved(p)).collect();
-        let mut surface = RigidSurface::new(&rest, &triangles, there.clone());
+        let mut surface = RigidSurface::new(&rest, &triangles, there.clone()).expect("a pattern");
         let pulls: Vec<(f64, Point)> = (0..rest.len())
             .map(|i| {
                 if [0, 3, 37].contains(&i) {
@@ -238,7 +248,7 @@ mod tests {
             .enumerate()
             .map(|(i, p)| vector::add(*p, [0.0, 0.05 * (i as f64 * 2.4).sin(), 0.0]))
             .collect();
-        let mut surface = RigidSurface::new(&rest, &triangles, noisy.clone());
+        let mut surface = RigidSurface::new(&rest, &triangles, noisy.clone()).expect("a pattern");
         // Weak against the rigidity.
         let pulls: Vec<(f64, Point)> = noisy
             .iter()

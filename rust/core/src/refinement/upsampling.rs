@@ -36,11 +36,13 @@ pub fn upsampled(pair: &Pair<'_>, candidate: &Candidate) -> Result<Mat<f64>> {
         let asked = Rows::from_matrix(on_target.as_ref(), k);
         let turned = dense::product(on_source.get(.., ..k), matrix.as_ref());
         let answers = Rows::from_matrix(turned.as_ref(), k);
+        let (on_answers, on_asked) =
+            rayon::join(|| nearest(&asked, &answers), || nearest(&answers, &asked));
         matrix = fit(
             on_target.as_ref(),
             on_source.as_ref(),
-            &nearest(&asked, &answers),
-            &nearest(&answers, &asked),
+            &on_answers,
+            &on_asked,
             pair.shares,
             (k + STEP).min(largest),
         )?;
