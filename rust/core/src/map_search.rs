@@ -457,11 +457,8 @@ impl<'a> SampledPair<'a> {
 
 impl Sampled {
     fn new(pair: &Pair<'_>, which: Which, width: Width) -> Self {
-        let (target, source) = (pair.target, pair.source);
-        let (own, other, opposite) = match which {
-            Which::Target => (target, source, Which::Source),
-            Which::Source => (source, target, Which::Target),
-        };
+        let opposite = which.other();
+        let (own, other) = (pair.shape(which), pair.shape(opposite));
         let samples = own.farthest_points(width.answering);
         let questions = other.farthest_points(width.asking);
         let known = pair.hints.in_search(which, own, samples);

@@ -462,10 +462,7 @@ impl Search<'_> {
     fn continued(&self, goal: Point, seed: &SurfacePoint, patch: &Patch) -> SurfacePoint {
         let source = &self.map.source;
         let usable = |t: u32| {
-            let corners = source.corners(t);
-            let longest = (0..3)
-                .map(|k| vector::distance(corners[k], corners[(k + 1) % 3]))
-                .fold(0.0, f64::max);
+            let longest = source.longest_edge(t);
             vector::norm(source.cross(t)) > 2.0 * SLIVER * longest * longest
         };
         let mut places: Vec<(f64, SurfacePoint)> = patch

@@ -56,8 +56,9 @@ impl SurfaceMap {
                 let from = self.source.position(&below);
                 let point = image.nearest(from);
                 let gap = vector::distance(from, image.position(&point));
-                let reach =
-                    longest_edge(&image, point.face).max(longest_edge(&self.source, below.face));
+                let reach = image
+                    .longest_edge(point.face)
+                    .max(self.source.longest_edge(below.face));
                 let corners = self.target.triangles[point.face as usize].map(|v| v as usize);
                 let trust: f64 = (0..3)
                     .map(|k| point.weights[k] * self.confidence[corners[k]])
@@ -72,14 +73,6 @@ impl SurfaceMap {
             })
             .collect())
     }
-}
-
-fn longest_edge(surface: &Surface, triangle: u32) -> f64 {
-    let [a, b, c] = surface.corners(triangle);
-    [(a, b), (b, c), (c, a)]
-        .map(|(p, q)| vector::distance(p, q))
-        .into_iter()
-        .fold(0.0, f64::max)
 }
 
 /// The weighted mean of three frames.

@@ -109,6 +109,16 @@ impl Surface {
         self.triangles[triangle as usize].map(|v| self.vertices[v as usize])
     }
 
+    /// Length of the longest edge of a triangle.
+    #[must_use]
+    pub fn longest_edge(&self, triangle: u32) -> f64 {
+        let [a, b, c] = self.corners(triangle);
+        [(a, b), (b, c), (c, a)]
+            .map(|(p, q)| vector::distance(p, q))
+            .into_iter()
+            .fold(0.0, f64::max)
+    }
+
     /// Twice the area of a triangle times its normal.
     #[must_use]
     pub fn cross(&self, triangle: u32) -> Point {
