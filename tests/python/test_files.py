@@ -1,6 +1,7 @@
 """Mesh files: the vertex order of the file, polygons fanned, damaged files named."""
 
 import gzip
+import json
 import struct
 import sys
 
@@ -140,6 +141,49 @@ def test_glb(tmp_path):
     path = tmp_path / "square.glb"
     trimesh.Trimesh(SQUARE, FAN, process=False).export(path)
     same(path)
+
+
+def glb(nodes, meshes, scene):
+    """A GLB in which primitive k is a triangle in the plane z = k."""
+    corners = [np.array([[0, 0, k], [1, 0, k], [0, 1, k]], "<f4") for k in range(sum(meshes))]
+    accessor = {"componentType": 5126, "count": 3, "type": "VEC3"}
+    numbers = iter(range(len(corners)))
+    header = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"byteLength": 36 * len(corners)}],
+        "bufferViews": [{"buffer": 0, "byteOffset": 36 * k, "byteLength": 36} for k in range(len(corners))],
+        "accessors": [accessor | {"bufferView": k} for k in range(len(corners))],
+        "meshes": [
+            {"primitives": [{"attributes": {"POSITION": next(numbers)}} for _ in range(count)]}
+            for count in meshes
+        ],
+        "nodes": nodes,
+        "scenes": [{"nodes": scene}],
+        "scene": 0,
+    }
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 4)
+    body = b"".join(c.tobytes() for c in corners)
+    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
+    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+
+
+def test_meshes_of_a_glb_come_in_the_order_of_its_nodes(tmp_path):
+    """Siblings, nodes below one another, a mesh of three primitives, one mesh in two places, no names."""
+    pytest.importorskip("trimesh")
+    nodes = [
+        {"name": "skin", "mesh": 0},
+        {"name": "rig", "children": [3, 2]},
+        {"name": "eye", "mesh": 1, "translation": [1, 0, 0]},
+        {"mesh": 2, "children": [4, 5]},
+        {"mesh": 3},
+        {"mesh": 1, "translation": [2, 0, 0]},
+    ]
+    path = tmp_path / "scene.glb"
+    path.write_bytes(glb(nodes, [1, 1, 3, 1], [1, 0]))
+    vertices, faces = read_mesh(path)
+    np.testing.assert_array_equal(faces, np.arange(21).reshape(7, 3))
+    assert vertices[::3, [0, 2]].tolist() == [[0, 2], [0, 3], [0, 4], [0, 5], [2, 1], [1, 1], [0, 0]]
 
 
 @pytest.mark.parametrize(

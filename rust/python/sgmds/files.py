@@ -54,7 +54,7 @@ def read_mesh(path) -> tuple[np.ndarray, np.ndarray]:
     Polygons are triangulated as they lie in space, also hollow ones and those with holes that a double edge
     joins to the outside. Vertices keep the order of the file, unused ones too. STL has no vertices of its
     own, only corners: equal ones are joined, in order of first appearance. A GLB scene comes in world space,
-    its meshes one after the other.
+    its meshes one after the other in the order of its nodes, each before what hangs on it.
 
     Raises `MeshError` naming the file and the reason; what a mesh must satisfy to be matched is checked by
     `Shape`.
@@ -303,6 +303,27 @@ def _ply_element(
     }, place
 
 
+def _places_of_nodes(graph: Any) -> dict[str, int]:
+    """Where each node of a scene comes in the file's order.
+
+    The reader of GLB takes the children of a node from the last to the first; another such walk turns them
+    round again.
+    """
+    place: dict[str, int] = {}
+    waiting = [graph.base_frame]
+    while waiting:
+        node = waiting.pop()
+        place[node] = len(place)
+        waiting += graph.transforms.children.get(node, ())
+    return place
+
+
+def _node_of(graph: Any, part: Any) -> str:
+    """The file's node of a part: a mesh of several primitives has a node for each, below that one."""
+    node = part.metadata["node"]
+    return graph.transforms.parents[node] if part.metadata["from_gltf_primitive"] else node
+
+
 _READERS = {"obj": _obj, "off": _off, "ply": _ply}
 
 
@@ -310,9 +331,14 @@ def _through_trimesh(data: bytes, kind: str) -> tuple[np.ndarray, np.ndarray]:
     extras.require("trimesh")
     import trimesh
 
-    mesh: Any = trimesh.load(
-        io.BytesIO(data), file_type=kind, force="mesh", process=False, maintain_order=True
+    scene: Any = trimesh.load(
+        io.BytesIO(data), file_type=kind, force="scene", process=False, maintain_order=True
     )
+    parts = [part for part in scene.dump() if isinstance(part, trimesh.Trimesh)]
+    if kind == "glb":
+        place = _places_of_nodes(scene.graph)
+        parts.sort(key=lambda part: place[_node_of(scene.graph, part)])
+    mesh: Any = trimesh.util.concatenate(parts)
     vertices = np.array(mesh.vertices, dtype=np.float64).reshape(-1, 3)
     faces = np.array(getattr(mesh, "faces", ()), dtype=np.int64).reshape(-1, 3)
     if kind == "stl":
