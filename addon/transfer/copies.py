@@ -5,9 +5,9 @@ from .. import pair
 
 # On what is made for a target (a rig, a companion, a material, an image): the name of what from.
 MADE_FROM = "spectral_match_made_from"
-# On objects that are made: that object itself, which may be renamed, or gone and come back under its name.
+# On objects and materials that are made: what from. It may be renamed, or gone and come back under its name.
 ORIGINAL = "spectral_match_original"
-# On them too: the target, which a duplicate of the target is not.
+# On objects too: the target, which a duplicate of the target is not.
 MADE_FOR = "spectral_match_made_for"
 
 

@@ -96,6 +96,12 @@ def _attach(route, wanted, own, corners, weights):
         notes.append(
             f"'{target.name}' has no UV map '{wanted}': strands of '{own.name}' are attached by '{name}'"
         )
+    if not np.isfinite(uv).all():
+        notes.append(
+            f"UV map '{name}' of '{target.name}' has places that are no numbers, by which strands of "
+            f"'{own.name}' cannot be attached. Unwrap it anew"
+        )
+        return notes
     surface = route.target_points[route.target_triangles], uv[route.target_corners]
     overlap = core.load().judge_layout(*surface)["overlap"]
     if overlap > SHARE_ROOM:

@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import core, mesh_read
 from ..mesh_read import UnusableObjectError
-from .copies import MADE_FROM, copied
+from .copies import MADE_FROM, ORIGINAL, copied
 from .image_nodes import image_nodes, images, laid, normal_maps
 from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
 from .kind import Kind, Prepared
@@ -120,7 +120,9 @@ def is_made_from(material, original, target):
     """
     if material is None or original is None:
         return material == original
-    return material == original or material.get(MADE_FROM) == made_title(original, target)
+    kept = material.get(ORIGINAL)
+    known = kept == original if kept else material.get(MADE_FROM) == made_title(original, target)
+    return known or material == original
 
 
 def slot_name(slot, place):
@@ -334,11 +336,18 @@ def _replace_materials(route, uses, images, uv):
         if not slots or not images.keys() & set(laid_on):
             continue
         title = made_title(material, target)
-        earlier = [held for held in bpy.data.materials if held.get(MADE_FROM) == title]
+        earlier = [
+            held for held in bpy.data.materials if held != material and is_made_from(held, material, target)
+        ]
+        replaced = {slot.material for slot in slots} - {material}
         copy = _own_material(material, title)
         _exchange(copy, [images.get(use) for use in laid_on], uv)
         for slot in slots:
             slot.material = copy
+        for held in bpy.data.materials:
+            # What was baked from an earlier one for the next target in a chain.
+            if held.get(ORIGINAL) in replaced:
+                held[ORIGINAL] = copy
         _remove_unused(bpy.data.materials, earlier)
         groups = [group for group in bpy.data.node_groups if group.get(MADE_FROM) == title]
         while _remove_unused(bpy.data.node_groups, groups):
@@ -349,7 +358,7 @@ def _replace_materials(route, uses, images, uv):
 def _own_material(material, title):
     """A copy of the material, with copies of the node groups in which there are images."""
     copy = copied(material)
-    copy[MADE_FROM] = title
+    copy[MADE_FROM], copy[ORIGINAL] = title, material
 
     def own_groups(tree):
         for node in tree.nodes:

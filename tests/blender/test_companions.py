@@ -141,6 +141,15 @@ def test_hair_on_a_grown_copy_is_the_grown_hair(grown):
         np.testing.assert_array_equal(layer(hair, name), values)
 
 
+def test_hair_that_a_broken_layout_cannot_attach_is_told_of(grown):
+    source, target, _, _ = grown
+    hair_on(source)
+    target.data.uv_layers[0].uv[0].vector = (np.nan, 0.0)
+    transfer(source, target, kinds="objects")
+    assert "'Attach' of 'Target' has places that are no numbers" in notice.words
+    assert len(copies_of("Hair")) == 1
+
+
 def state_of_all():
     """What is in the file, where it is and what it hangs on."""
     bpy.context.view_layer.update()

@@ -682,6 +682,36 @@ def test_baking_again_follows_the_source_and_leaves_nothing_behind(body):
     assert [image.name[:8] for image in body.baked()] == ["Second T"]
 
 
+@pytest.mark.parametrize("renamed", ["material", "target", "source", "baked"])
+@pytest.mark.parametrize("kinds", ["textures", "materials,textures"])
+def test_baking_again_takes_the_same_slots_whatever_was_renamed(body, tmp_path, renamed, kinds):
+    transfer(body.source, body.target, kinds=kinds)
+    named = {"material": body.material, "target": body.target, "source": body.source}
+    named.get(renamed, body.target.material_slots[0].material).name = "Renamed"
+    transfer(body.source, body.target, kinds=kinds)
+    assert "do not show" not in notice.words
+    (slot,) = body.target.material_slots
+    assert slot.name == f"{body.material.name} {body.target.name}" and len(bpy.data.materials) == 2
+    assert [image.name for image in body.baked()] == [f"Paint {body.target.name}"]
+    assert body.likeness() > SAME
+    reopened(tmp_path)
+    assert len(bpy.data.materials) == len(bpy.data.images) == 2
+
+
+def test_baking_again_along_a_chain_leaves_nothing_behind(body):
+    """What was baked for the first target, and is made anew, is the original of what the next one has."""
+    last = body.target.copy()
+    last.data, last.name = body.target.data.copy(), "Last"
+    bpy.context.collection.objects.link(last)
+    store_copy(body.target, last, np.arange(len(last.data.vertices)))
+    for _ in range(3):
+        transfer(body.source, body.target, kinds="materials,textures")
+        transfer(body.target, last, kinds="materials,textures")
+    names = ["Painted", "Painted Target", "Painted Target Last"]
+    assert [material.name for material in bpy.data.materials] == names
+    assert [slot.name for obj in (body.target, last) for slot in obj.material_slots] == names[1:]
+
+
 def test_a_bake_that_no_material_shows_is_kept_and_said(body, tmp_path):
     body.target.data.materials.append(bpy.data.materials.new("Plain"))
     transfer(body.source, body.target, kinds="textures")
