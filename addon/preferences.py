@@ -15,6 +15,7 @@ class SPECTRAL_MATCH_preferences(AddonPreferences):
         name="Threads",
         default=0,
         min=0,
+        max=1024,
         soft_max=64,
         description="Processor threads a match may use; 0 takes all. The result does not depend on it",
     )

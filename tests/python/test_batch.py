@@ -16,6 +16,7 @@ import pytest
 import sgmds
 from hypothesis import given
 from hypothesis import strategies as st
+from sgmds import batch
 from sgmds.batch import journal, manifest, processes, work
 from sgmds.batch.manifest import Batch, Pair, ShapeFile
 from sgmds.cli import main
@@ -207,6 +208,14 @@ def test_a_mesh_that_cannot_be_matched_is_named_by_its_file(meshes, cache, tmp_p
     assert main(["batch", str(path), "--jobs", "1", "--cache", str(cache)]) == 1
     (row,) = table(tmp_path / "some" / "pairs.csv")
     assert row["reason"].startswith(f"{bad}: the largest connected part has 3 vertices")
+
+
+@pytest.mark.parametrize(("option", "count"), [("jobs", -1), ("jobs", 0), ("threads", 0), ("threads", 1025)])
+def test_counts_that_mean_nothing_are_refused_at_once(meshes, cache, tmp_path, option, count):
+    path = everyone(meshes, tmp_path)
+    with pytest.raises(sgmds.ArgumentError, match=f"`{option}` should be"):
+        batch.run(path, cache=cache, **{option: count})
+    assert not path.with_suffix("").exists()
 
 
 # What happens when something dies.

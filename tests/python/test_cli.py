@@ -133,6 +133,8 @@ def test_version(capsys):
         ["evaluate", ".", "--limit", "0"],
         ["evaluate", ".", "--limit", "few"],
         ["evaluate", ".", "--lines", "-5"],
+        ["evaluate", ".", "--threads", "70000"],
+        ["batch", "pairs.toml", "--threads", "70000"],
         ["evaluate", ".", "--bound", "nan"],
         ["evaluate", ".", "--plot", "curves.xyz"],
         ["reproduce", "runtime", ".", "--cache", "c"],

@@ -145,6 +145,19 @@ def test_options_that_the_method_would_ignore_are_refused_at_once(folder):
         evaluate(folder, method="paper", landmarks=np.array([[0, 0], [1, 1]]))
 
 
+@pytest.mark.parametrize("option", ["method", "distances", "metric"])
+def test_choices_that_there_are_not_are_refused_at_once(folder, option):
+    with pytest.raises(sgmds.ArgumentError, match=f"`{option}` should be one of .* got 'best'"):
+        evaluate(folder, **{"method": "paper", option: "best"})
+
+
+@pytest.mark.parametrize("option", ["every", "limit", "lines", "threads"])
+def test_counts_that_mean_nothing_are_refused_at_once(folder, option):
+    for count in (0, -3, 1.5):
+        with pytest.raises(sgmds.ArgumentError, match=f"`{option}` should be"):
+            evaluate(folder, method="paper", **{option: count})
+
+
 @pytest.mark.parametrize(("kind", "remedy"), [("heat", "try distances"), ("exact", "join its parts")])
 def test_distances_without_end_are_told_with_another_way(kind, remedy):
     distances = TruthDistances(np.eye(3), np.array([[0, 1, 2]]), kind)

@@ -383,6 +383,23 @@ with multiprocessing.get_context("fork").Pool(2) as pool:
     assert done.stdout == "[True, True]\n", done.stderr
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="a limit that Linux keeps")
+def test_threads_that_the_system_does_not_start_are_told_of():
+    """Room for half of the stacks, 2 MB each, of the threads asked for."""
+    code = """
+import resource, numpy as np, sgmds
+from pathlib import Path
+pages = int(Path("/proc/self/statm").read_text().split()[0])
+resource.setrlimit(resource.RLIMIT_AS, (pages * resource.getpagesize() + 2**30, -1))
+try:
+    sgmds.Shape(np.eye(4, 3), [[0, 1, 2], [0, 1, 3], [1, 2, 3], [0, 2, 3]], threads=1000)
+except sgmds.ArgumentError as error:
+    print(error)
+"""
+    done = run(code)
+    assert "starts no more threads" in done.stdout and "set `threads` lower" in done.stdout, done.stderr
+
+
 def test_a_panic_names_the_stage():
     with pytest.raises(sgmds.InternalError, match="internal error during selection: provoked; please report"):
         _core.provoke_panic()

@@ -324,6 +324,8 @@ def test_so_do_those_found_while_memory_is_counted(source, side, monkeypatch):
         ({"threads": 0}, "`threads`"),
         ({"threads": "x"}, "`threads`"),
         ({"threads": 2**70}, "`threads`"),
+        ({"threads": 1025}, "`threads` should be 1024 or less, got 1025"),
+        ({"progress": 3}, "`progress` should be callable, got 3"),
         ({"seed": "x"}, "`seed`"),
     ],
 )

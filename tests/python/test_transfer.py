@@ -362,6 +362,7 @@ def test_what_does_not_fit_is_refused_in_words(character):
         ({"image": {"": image}}, "tile ''"),
         ({"image": image + 0j}, "`image`"),
         ({"target_uv": np.nan * character.uv}, "`target_uv` should be finite"),
+        ({"progress": "bar"}, "`progress` should be callable, got 'bar'"),
         ({"tangent_frames": [np.zeros((4, 3, 3))]}, "`tangent_frames` should be four"),
         ({"normal_spaces": [np.eye(3)]}, "`normal_spaces` should be two"),
         ({"normal_spaces": [np.eye(3), np.eye(4)]}, "`normal_spaces`"),
@@ -373,8 +374,18 @@ def test_what_does_not_fit_is_refused_in_words(character):
             way.bake(character.uv, **wanted)
     with pytest.raises(sgmds.ArgumentError, match="`uv`"):
         sgmds.uv_islands(*mesh, character.uv[:3])
+    corners = character.vertices[character.faces]
     with pytest.raises(sgmds.ArgumentError, match="`uv`"):
-        sgmds.judge_layout(character.vertices[character.faces], character.uv[:3])
+        sgmds.judge_layout(corners, character.uv[:3])
+    lost = character.uv.copy()
+    lost[5, 1, 0] = np.nan
+    for call, words in (
+        (lambda: sgmds.judge_layout(corners, lost), "`uv`"),
+        (lambda: sgmds.judge_layout(np.inf * corners, character.uv), "`corners`"),
+        (lambda: sgmds.uv_islands(*mesh, lost), "`uv`"),
+    ):
+        with pytest.raises(sgmds.ArgumentError, match=f"{words} should be finite"):
+            call()
     starts = np.arange(count + 1)
     with pytest.raises(sgmds.ArgumentError, match="`groups` should be whole numbers, none below 0"):
         way.skin_weights(starts, np.full(count, -1), np.ones(count), 1)
@@ -420,6 +431,28 @@ def test_numbers_without_a_value_and_lists_of_wrong_lengths_are_refused(characte
     ):
         with pytest.raises(sgmds.ArgumentError, match=words):
             call()
+
+
+def test_values_without_channels_come_back_without(character):
+    way, *_ = copy_map(character.vertices, character.faces)
+    starts, corners = polygons(character.faces)
+    faces, count = len(character.faces), len(character.vertices)
+    for nearest in (False, True):
+        none = way.corner_values(starts, corners, np.zeros((faces, 3, 0)), nearest=nearest)
+        assert none.shape == (len(corners), 0)
+    assert way.face_means(starts, corners, np.zeros((faces, 0))).shape == (faces, 0)
+    assert way.filled(np.zeros((count, 0)), np.zeros(count)).shape == (count, 0)
+    assert len(way.seam_cuts(starts, corners, np.zeros((faces, 3, 0))).cuts) == 0
+
+
+def test_a_table_of_weights_has_room_for_all_groups():
+    rows = sgmds.transfer.SkinWeights(np.array([0, 1, 3]), np.array([4, 0, 2]), np.ones(3), np.zeros(0, int))
+    assert rows.dense(5).tolist() == [[0, 0, 0, 0, 1], [1, 0, 1, 0, 0]] and rows.dense(7).shape == (2, 7)
+    for groups, words in ((4, "`groups` should be 5 or more, got 4"), (2.5, "`groups` should be a whole")):
+        with pytest.raises(sgmds.ArgumentError, match=words):
+            rows.dense(groups)
+    none = sgmds.transfer.SkinWeights(np.zeros(3, int), *[np.zeros(0, int)] * 3)
+    assert none.dense(0).shape == (2, 0)
 
 
 def test_a_map_leaves_the_arrays_of_its_caller_writable(character):

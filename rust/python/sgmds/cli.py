@@ -14,7 +14,7 @@ from typing import Any
 
 from . import __version__, extras
 from .matching import METHODS, PARTS
-from .shape import METRICS
+from .shape import METRICS, MOST_THREADS
 from .whole_file import whole_file
 
 CANCELLED = 130
@@ -156,7 +156,7 @@ def _parser() -> argparse.ArgumentParser:
         "--cache-limit", type=_positive, default=10, metavar="GB", help="its size at most (default 10)"
     )
     batch.add_argument(
-        "--threads", type=_positive, metavar="N", help="of each pair (default: cores over jobs)"
+        "--threads", type=_threads, metavar="N", help="of each pair (default: cores over jobs)"
     )
     batch.set_defaults(run=_batch)
 
@@ -175,7 +175,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _add_common(parser):
-    parser.add_argument("--threads", type=_positive, metavar="N")
+    parser.add_argument("--threads", type=_threads, metavar="N")
     parser.add_argument("--seed", type=int, metavar="N")
 
 
@@ -187,6 +187,12 @@ def _natural(text: str, least: int = 0) -> int:
 
 def _positive(text: str) -> int:
     return _natural(text, 1)
+
+
+def _threads(text: str) -> int:
+    if (count := _positive(text)) > MOST_THREADS:
+        raise argparse.ArgumentTypeError(f"should be {MOST_THREADS} or less, got {text}")
+    return count
 
 
 def _error(text: str) -> float:

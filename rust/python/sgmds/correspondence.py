@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from . import _core, archive
 from .errors import ArgumentError, SgmdsError
-from .shape import Floats, Ids, Progress, checked_array, checked_threads
+from .shape import Floats, Ids, Progress, checked_array, checked_count, checked_threads
 
 FORMAT = "sgmds-correspondence"
 VERSION = 1
@@ -107,7 +107,7 @@ class Correspondence:
 
         `progress` and `threads` are those of `match`.
         """
-        if self._raw is None or not 0 <= index < self.alternative_count:
+        if self._raw is None or checked_count("index", index) >= self.alternative_count:
             raise ArgumentError(f"`index` should be below {self.alternative_count}, got {index}")
         threads = checked_threads(threads)
         if index not in self._alternatives:

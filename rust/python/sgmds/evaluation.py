@@ -31,9 +31,9 @@ from typing import Any
 
 import numpy as np
 
-from .errors import ArgumentError
 from .files import mesh_format, mesh_name, read_mesh
-from .matching import check_method, listed
+from .matching import METHODS, check_method, listed
+from .shape import METRICS, check_choice, checked_count, checked_threads
 from .whole_file import whole_file
 
 TRUTH_LINES = 400
@@ -44,6 +44,7 @@ RIGHT_BELOW = 8.0
 
 CURVE_THRESHOLDS = np.linspace(0.0, 0.25, 51)
 SAVED = "saved:"
+DISTANCES = ("heat", "exact")
 MISSING_BEYOND = 0.05
 """A target vertex has no counterpart when it lies farther than this times √area from every vertex that has
 one."""
@@ -255,8 +256,7 @@ class TruthDistances:
     """
 
     def __init__(self, vertices, faces, kind: str = "heat", cache=None):
-        if kind not in ("heat", "exact"):
-            raise ArgumentError(f'`distances` should be "heat" or "exact", got {kind!r}')
+        check_choice("distances", kind, DISTANCES)
         self.vertices, self.faces, self.kind = vertices, faces, kind
         self.scale = np.sqrt(surface_area(vertices, faces))
         self._rows: dict[int, np.ndarray] = {}
@@ -616,6 +616,15 @@ def evaluate(
     Each shape is prepared once and let go after its last pair. A pair that cannot be matched is listed in
     `failed`.
     """
+    if isinstance(method, str) and not method.startswith(SAVED):
+        check_choice("method", method, METHODS)
+    check_choice("distances", distances, DISTANCES)
+    check_choice("metric", metric, METRICS)
+    checked_count("every", every, 1)
+    for name, count in (("limit", limit), ("lines", lines)):
+        if count is not None:
+            checked_count(name, count, 1)
+    checked_threads(match_options.get("threads"))
     for name in ("landmarks", "without"):
         if name in match_options:
             match_options[name] = listed(name, match_options[name])

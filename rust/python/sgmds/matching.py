@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from . import _core, memory
 from .correspondence import Correspondence
 from .errors import ArgumentError, MeshError
-from .shape import Ids, Progress, Shape, checked_threads, mesh_of
+from .shape import Ids, Progress, Shape, check_choice, checked_threads, mesh_of
 
 METHODS = ("auto", "paper", "gmds", "functional-map")
 PARTS = (
@@ -71,7 +71,7 @@ def match(
     progress : callable, optional
         ``progress(stage, fraction)``; returning ``False`` cancels.
     threads : int, optional
-        Worker threads; the result does not depend on them.
+        Worker threads, at most 1024; the result does not depend on them.
     seed : int
         The method draws no random numbers; kept so that calls stay valid when one does.
 
@@ -91,13 +91,9 @@ def match(
         When the meshes are too large for the memory that is free.
     Cancelled
     """
-    for name, value, allowed in (
-        ("method", method, METHODS),
-        ("part", part, (None, "source", "target")),
-        ("mirror", mirror, ("forbid", "allow")),
-    ):
-        if value not in allowed:
-            raise ArgumentError(f"`{name}` should be one of {allowed}, got {value!r}")
+    check_choice("method", method, METHODS)
+    check_choice("part", part, (None, "source", "target"))
+    check_choice("mirror", mirror, ("forbid", "allow"))
     try:
         operator.index(seed)
     except TypeError:

@@ -24,6 +24,8 @@ SMALLEST = 1e-140
 """Extent below which areas and eigenvalues leave the range of numbers, as they do above its inverse."""
 LARGEST_COUNT = 2**63 - 1
 """What the core can count to."""
+MOST_THREADS = 1024
+"""As many as Blender uses. Starting them takes seconds already, and minutes when there are ten times more."""
 PARTS = ("values", "functions", "farthest", "fields")
 
 
@@ -117,17 +119,23 @@ def _check_unmasked(**arrays: ArrayLike) -> None:
             raise ArgumentError(f"`{name}` has masked entries: fill them, or leave them out")
 
 
-def checked_count(name: str, value: Any, least: int = 0) -> int:
-    """A whole number of at least `least`, or an error that names the argument."""
+def checked_count(name: str, value: Any, least: int = 0, most: int = LARGEST_COUNT) -> int:
+    """A whole number from `least` to `most`, or an error that names the argument."""
     try:
         count = operator.index(value)
     except TypeError:
         raise ArgumentError(f"`{name}` should be a whole number, got {value!r}") from None
     if count < least:
         raise ArgumentError(f"`{name}` should be {least} or more, got {count}")
-    if count > LARGEST_COUNT:
-        raise ArgumentError(f"`{name}` should be {LARGEST_COUNT} or less, got {count}")
+    if count > most:
+        raise ArgumentError(f"`{name}` should be {most} or less, got {count}")
     return count
+
+
+def check_choice(name: str, value: Any, choices: tuple[Any, ...]) -> None:
+    """Raises `ArgumentError` for a value that is none of the choices."""
+    if value not in choices:
+        raise ArgumentError(f"`{name}` should be one of {choices}, got {value!r}")
 
 
 def checked_number(name: str, value: Any) -> float:
@@ -142,7 +150,7 @@ def checked_number(name: str, value: Any) -> float:
 
 
 def checked_threads(threads: Any) -> int | None:
-    return None if threads is None else checked_count("threads", threads, 1)
+    return None if threads is None else checked_count("threads", threads, 1, MOST_THREADS)
 
 
 class Shape:
@@ -168,7 +176,7 @@ class Shape:
     progress : callable, optional
         ``progress(stage, fraction)``; returning ``False`` cancels.
     threads : int, optional
-        Worker threads; the result does not depend on them.
+        Worker threads, at most 1024; the result does not depend on them.
 
     Raises
     ------
@@ -192,8 +200,7 @@ class Shape:
         progress: Progress | None = None,
         threads: int | None = None,
     ) -> None:
-        if metric not in METRICS:
-            raise ArgumentError(f"`metric` should be one of {METRICS}, got {metric!r}")
+        check_choice("metric", metric, METRICS)
         self.vertices, self.faces = checked_mesh(vertices, faces)
         threads = checked_threads(threads)
         memory.require_to_prepare((self.vertices, self.faces))

@@ -72,7 +72,8 @@ class SkinWeights:
     filled: Ids
 
     def dense(self, groups: int) -> Floats:
-        """As a table (vertices, groups)."""
+        """As a table (vertices, groups), of at least as many groups as there are weights of."""
+        groups = checked_count("groups", groups, int(self.groups.max(initial=-1)) + 1)
         table = np.zeros((len(self.starts) - 1, groups))
         table[np.repeat(np.arange(len(table)), np.diff(self.starts)), self.groups] = self.weights
         return table
@@ -486,15 +487,14 @@ def judge_layout(corners: ArrayLike, uv: ArrayLike) -> dict[str, float]:
     "stretch": mean over the surface of the larger of σ₁ and 1/σ₂ at equal areas, 1 at best; "flipped": share
     of the UV area wound against the rest; "overlap": share of the covered texels that are covered twice.
     """
-    corners = checked_array("corners", corners, np.float64, None, 3, 3)
-    return _core.judge_layout(corners, checked_array("uv", uv, np.float64, len(corners), 3, 2))
+    corners = _finite("corners", checked_array("corners", corners, np.float64, None, 3, 3))
+    uv = _finite("uv", checked_array("uv", uv, np.float64, len(corners), 3, 2))
+    return _core.judge_layout(corners, uv)
 
 
 def uv_islands(vertices: ArrayLike, triangles: ArrayLike, uv: ArrayLike) -> Ids:
     """Number of the UV island of each triangle, from the UVs of its corners (m, 3, 2)."""
+    vertices = checked_array("vertices", vertices, np.float64, None, 3)
     triangles = checked_array("triangles", triangles, np.int64, None, 3)
-    return _core.uv_islands(
-        checked_array("vertices", vertices, np.float64, None, 3),
-        triangles,
-        checked_array("uv", uv, np.float64, len(triangles), 3, 2),
-    )
+    uv = _finite("uv", checked_array("uv", uv, np.float64, len(triangles), 3, 2))
+    return _core.uv_islands(vertices, triangles, uv)

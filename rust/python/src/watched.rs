@@ -4,7 +4,6 @@ use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Mutex, OnceLock};
 use std::time::Duration;
 
-use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use sgmds_core::Error;
 use sgmds_core::progress::Progress;
@@ -26,6 +25,12 @@ pub fn watched<T: Send>(
     threads: Option<usize>,
     work: impl FnOnce(&Progress) -> Result<T, Error> + Send,
 ) -> PyResult<T> {
+    if let Some(callback) = progress
+        && !callback.is_callable()
+    {
+        let what = format!("`progress` should be callable, got {}", callback.repr()?);
+        return Err(errors::to_python(py, &Error::BadArgument { what }));
+    }
     let process = std::process::id();
     let is_forked = *POOL_OWNER.get_or_init(|| process) != process;
     // Zero stands for the usual number.
@@ -33,7 +38,10 @@ pub fn watched<T: Send>(
     let pool = (workers > 0 || is_forked)
         .then(|| rayon::ThreadPoolBuilder::new().num_threads(workers).build())
         .transpose()
-        .map_err(|e| PyValueError::new_err(format!("no pool of {threads:?} threads: {e}")))?;
+        .map_err(|error| {
+            let what = format!("the system starts no more threads ({error}): set `threads` lower");
+            errors::to_python(py, &Error::BadArgument { what })
+        })?;
     let state = Progress::default();
     let (done, wait) = channel::<()>();
     let wait = Mutex::new(wait);

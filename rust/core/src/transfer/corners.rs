@@ -9,7 +9,7 @@ use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::pointwise_map::SurfacePoint;
 use crate::transfer::surface::{NONE, Surface};
-use crate::transfer::surface_map::{SurfaceMap, check_rows};
+use crate::transfer::surface_map::{SurfaceMap, check_table};
 use crate::vector::{self, Point};
 
 /// Weights below this are zero: the point lies on an edge or at a vertex.
@@ -196,7 +196,7 @@ pub fn corner_places(
     extrapolate: bool,
 ) -> Result<Vec<CornerPlace>> {
     let rows = 3 * map.source.triangles.len();
-    check_rows("values", values.values.len() / values.channels.max(1), rows)?;
+    check_table("values", values.values.len(), rows, values.channels)?;
     let search = Search {
         map,
         values,

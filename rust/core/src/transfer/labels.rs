@@ -4,7 +4,7 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::transfer::corners::{Polygons, facing_nearest};
-use crate::transfer::surface_map::{SurfaceMap, check_rows};
+use crate::transfer::surface_map::{SurfaceMap, check_rows, check_table};
 use crate::vector;
 
 /// How far from the centre of a face towards its corners it is asked what lies under it.
@@ -82,11 +82,7 @@ pub fn face_means(
     values: &[f64],
     channels: usize,
 ) -> Result<Vec<f64>> {
-    check_rows(
-        "values",
-        values.len() / channels.max(1),
-        map.source.triangles.len(),
-    )?;
+    check_table("values", values.len(), map.source.triangles.len(), channels)?;
     let (starts, triangles) = triangles_under(map, faces);
     Ok(starts
         .windows(2)

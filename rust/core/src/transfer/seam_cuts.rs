@@ -9,7 +9,7 @@ use crate::mesh::Adjacency;
 use crate::pointwise_map::{SurfacePoint, nearest_in_triangle};
 use crate::transfer::corners::{CornerValues, ON_EDGE, Polygons, triangles_around};
 use crate::transfer::surface::{NONE, Surface, blend};
-use crate::transfer::surface_map::{SurfaceMap, check_rows};
+use crate::transfer::surface_map::{SurfaceMap, check_table};
 use crate::transfer::trace::{Crossing, crossings};
 use crate::vector::{self, Point};
 
@@ -70,7 +70,7 @@ pub fn seam_cuts(
     values: &CornerValues<'_>,
 ) -> Result<SeamCuts> {
     let rows = 3 * map.source.triangles.len();
-    check_rows("values", values.values.len() / values.channels.max(1), rows)?;
+    check_table("values", values.values.len(), rows, values.channels)?;
     let mut tracer = Tracer::new(map, faces, values.open(&map.source));
     let moved = tracer.snap();
     let found: Vec<FaceCuts> = (0..faces.len())

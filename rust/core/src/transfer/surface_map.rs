@@ -115,3 +115,18 @@ pub(crate) fn check_rows(name: &str, found: usize, rows: usize) -> Result<()> {
         what: format!("`{name}` should have {rows} rows, got {found}"),
     })
 }
+
+/// Checks that an argument has as many rows of `channels` numbers, perhaps of none, as it should.
+///
+/// # Errors
+/// [`Error::BadArgument`].
+pub(crate) fn check_table(name: &str, found: usize, rows: usize, channels: usize) -> Result<()> {
+    if found == rows * channels {
+        return Ok(());
+    }
+    Err(Error::BadArgument {
+        what: format!(
+            "`{name}` should have {rows} rows of {channels} numbers, got {found} numbers"
+        ),
+    })
+}

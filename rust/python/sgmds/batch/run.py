@@ -15,6 +15,7 @@ from ..cache import LIMIT_BYTES
 from ..errors import ArgumentError, SgmdsError
 from ..files import mesh_format
 from ..locks import try_lock
+from ..shape import checked_count, checked_threads
 from ..whole_file import clear_remains
 from . import journal, manifest, processes, report, scheduler, work
 
@@ -71,6 +72,9 @@ def run(
     ArgumentError, SgmdsError, OSError, ImportError
         When the batch cannot be begun or gone on with. A pair that fails is in the report instead.
     """
+    threads = checked_threads(threads)
+    if jobs is not None:
+        checked_count("jobs", jobs, 1)
     batch = manifest.read(path, output, anywhere)
     # What every pair, or the report after all of them, would fail for.
     formats = {mesh_format(shape.path).removesuffix(".gz") for shape in batch.shapes}
