@@ -158,6 +158,11 @@ def test_counts_that_mean_nothing_are_refused_at_once(folder, option):
             evaluate(folder, method="paper", **{option: count})
 
 
+def test_a_bound_that_is_no_number_is_refused_at_once(folder):
+    with pytest.raises(sgmds.ArgumentError, match="`bound` should be a finite number, got 'x'"):
+        evaluate(folder, method="paper", bound="x")
+
+
 @pytest.mark.parametrize(("kind", "remedy"), [("heat", "try distances"), ("exact", "join its parts")])
 def test_distances_without_end_are_told_with_another_way(kind, remedy):
     distances = TruthDistances(np.eye(3), np.array([[0, 1, 2]]), kind)

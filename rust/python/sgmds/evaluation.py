@@ -33,7 +33,7 @@ import numpy as np
 
 from .files import mesh_format, mesh_name, read_mesh
 from .matching import METHODS, check_method, listed
-from .shape import METRICS, check_choice, checked_count, checked_threads
+from .shape import METRICS, check_choice, checked_count, checked_number, checked_threads
 from .whole_file import whole_file
 
 TRUTH_LINES = 400
@@ -621,6 +621,7 @@ def evaluate(
     check_choice("distances", distances, DISTANCES)
     check_choice("metric", metric, METRICS)
     checked_count("every", every, 1)
+    checked_number("bound", bound)
     for name, count in (("limit", limit), ("lines", lines)):
         if count is not None:
             checked_count(name, count, 1)
