@@ -13,7 +13,7 @@ from ..mesh_read import UnusableObjectError
 from ..mesh_write import read_attribute, write_attribute
 from .normals import corner_normals
 from .route import Route
-from .uv_maps import read_uv
+from .uv_maps import finite_uv
 
 # A layer of face corners that holds custom normals while the mesh is cut.
 NORMALS = "spectral_match_normals"
@@ -68,7 +68,7 @@ def _split_all(route, uv_maps, cuts):
 
 
 def _cuts(route, uv_maps):
-    layers = [read_uv(route.source.data, name)[route.triangle_corners] for name in uv_maps]
+    layers = [finite_uv(route.source.data, name)[route.triangle_corners] for name in uv_maps]
     return route.map.seam_cuts(*route.faces, np.concatenate(layers, axis=2))
 
 

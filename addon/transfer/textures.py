@@ -15,7 +15,7 @@ from .image_nodes import image_nodes, images, laid, normal_maps
 from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
 from .kind import Kind, Prepared
 from .normals import matrices
-from .uv_maps import read_uv
+from .uv_maps import finite_uv
 
 LARGEST_TRIANGULATED = 4
 TILE_ROWS = 100
@@ -189,8 +189,8 @@ def _bake(route, mesh, use, materials, target_uv, options):
     if options.bake_size != "SOURCE":
         width = height = int(options.bake_size)
     placing = np.array(use.placing)
-    given = read_uv(route.source.data, use.uv)[route.triangle_corners] @ placing[:, :2].T + placing[:, 2]
-    wanted = read_uv(route.target.data, target_uv)[route.target_corners]
+    given = finite_uv(route.source.data, use.uv)[route.triangle_corners] @ placing[:, :2].T + placing[:, 2]
+    wanted = finite_uv(route.target.data, target_uv)[route.target_corners]
     cells = _cells(route, target_uv, wanted[target_used])
     way, turning = _turning(route, mesh, use.normals, target_uv)
     downwards = () if use.normals is None else use.normals.downwards

@@ -35,7 +35,7 @@ def prepare(route, wanted, options):
         )
     carried, notes = {}, []
     for name in wanted:
-        uv = read_uv(source, name)[route.triangle_corners]
+        uv = finite_uv(source, name)[route.triangle_corners]
         layout = route.map.layout(*route.faces, uv)
         carried[name] = layout.uv
         notes += _faults(route, name, uv, layout.uv)
@@ -48,6 +48,16 @@ def read_uv(mesh, name):
     values = np.empty(len(mesh.loops) * 2, np.float32)
     mesh.uv_layers[name].uv.foreach_get("vector", values)
     return values.reshape(-1, 2).astype(np.float64)
+
+
+def finite_uv(mesh, name):
+    """UVs as `read_uv` gives them, or `UnusableObjectError` names the map in which some are no numbers."""
+    values = read_uv(mesh, name)
+    if not np.isfinite(values).all():
+        raise UnusableObjectError(
+            f"UV map '{name}' of mesh '{mesh.name}' has places that are no numbers. Unwrap it anew"
+        )
+    return values
 
 
 def _active(mesh, wanted):

@@ -698,6 +698,16 @@ def test_baking_again_takes_the_same_slots_whatever_was_renamed(body, tmp_path, 
     assert len(bpy.data.materials) == len(bpy.data.images) == 2
 
 
+@pytest.mark.parametrize(
+    ("kinds", "side"), [("uv", "source"), ("textures", "source"), ("textures", "target")]
+)
+def test_a_layout_without_numbers_is_named(body, kinds, side):
+    mesh = getattr(body, side).data
+    mesh.uv_layers[0].uv[5].vector = (np.nan, 0.0)
+    with pytest.raises(RuntimeError, match=f"UV map '{mesh.uv_layers[0].name}' of mesh .* Unwrap it anew"):
+        transfer(body.source, body.target, kinds=kinds)
+
+
 def test_baking_again_along_a_chain_leaves_nothing_behind(body):
     """What was baked for the first target, and is made anew, is the original of what the next one has."""
     last = body.target.copy()
