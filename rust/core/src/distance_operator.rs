@@ -134,6 +134,18 @@ pub fn between(alpha: MatRef<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>) -
     out
 }
 
+/// [`between`] two lists of vertices, `basis` `(n, ≥ k)`.
+#[must_use]
+pub fn between_vertices(
+    alpha: MatRef<'_, f64>,
+    basis: MatRef<'_, f64>,
+    a: &[u32],
+    b: &[u32],
+) -> Mat<f64> {
+    let rows = |ids: &[u32]| dense::gather_rows(basis, ids, alpha.nrows());
+    between(alpha, rows(a).as_ref(), rows(b).as_ref())
+}
+
 fn symmetrised(matrix: MatRef<'_, f64>) -> Mat<f64> {
     Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
         f64::midpoint(matrix[(i, j)], matrix[(j, i)])

@@ -49,6 +49,8 @@ const ORIENTATION_FUNCTIONS: usize = 8;
 const ORIENTED_FROM: usize = 15;
 /// A map's energy is weighted by this less its orientation.
 const ORIENTATION_OFFSET: f64 = 1.2;
+/// Queries whose costs are held at once: they then stay in the second-level cache.
+const QUERIES_AT_ONCE: usize = 64;
 /// Maps closer than this are the same.
 const SAME: f64 = 0.03;
 
@@ -619,36 +621,26 @@ pub fn fit(
     k: usize,
 ) -> Result<Mat<f64>> {
     let (first, second) = (on_source.len(), on_target.len());
-    let root = |i: usize| {
-        if i < first {
-            shares.target
-        } else {
-            shares.source
+    let [target_root, source_root] = [shares.target.sqrt(), shares.source.sqrt()];
+    let roots = [vec![target_root; first], vec![source_root; second]].concat();
+    let weighted_rows = |basis: MatRef<'_, f64>, ids: Vec<u32>| {
+        let mut rows = Mat::zeros(ids.len(), k);
+        for j in 0..k {
+            let out = rows.col_as_slice_mut(j).iter_mut();
+            for ((out, root), &id) in out.zip(&roots).zip(&ids) {
+                *out = root * basis[(id as usize, j)];
+            }
         }
-        .sqrt()
+        rows
     };
-    let p = Mat::from_fn(first + second, k, |i, j| {
-        root(i)
-            * source[(
-                if i < first {
-                    on_source[i] as usize
-                } else {
-                    i - first
-                },
-                j,
-            )]
-    });
-    let q = Mat::from_fn(first + second, k, |i, j| {
-        root(i)
-            * target[(
-                if i < first {
-                    i
-                } else {
-                    on_target[i - first] as usize
-                },
-                j,
-            )]
-    });
+    let p = weighted_rows(
+        source,
+        on_source.iter().copied().chain(0..second as u32).collect(),
+    );
+    let q = weighted_rows(
+        target,
+        (0..first as u32).chain(on_target.iter().copied()).collect(),
+    );
     let gram = dense::product(p.transpose(), p.as_ref());
     let right = dense::product(p.transpose(), q.as_ref());
     dense::solve_with_ridge(gram, |_| FIT_RIDGE * first as f64, right.as_ref())
@@ -667,21 +659,28 @@ fn closest(
             *norm += weight * x * x;
         }
     }
-    let mut cost = fixed.map_or_else(
-        || Mat::zeros(points.nrows(), queries.nrows()),
-        Mat::to_owned,
-    );
-    matmul(
-        cost.as_mut(),
-        Accum::Add,
-        points,
-        queries.transpose(),
-        -2.0 * weight,
-        Par::Seq,
-    );
-    (0..queries.nrows())
-        .map(|j| lowest(cost.col_as_slice(j), &norms))
-        .collect()
+    let mut found = Vec::with_capacity(queries.nrows());
+    let mut cost = Mat::<f32>::zeros(points.nrows(), QUERIES_AT_ONCE);
+    for from in (0..queries.nrows()).step_by(QUERIES_AT_ONCE) {
+        let count = QUERIES_AT_ONCE.min(queries.nrows() - from);
+        for j in 0..count {
+            let column = cost.col_as_slice_mut(j);
+            match fixed {
+                Some(fixed) => column.copy_from_slice(fixed.col_as_slice(from + j)),
+                None => column.fill(0.0),
+            }
+        }
+        matmul(
+            cost.subcols_mut(0, count),
+            Accum::Add,
+            points,
+            queries.subrows(from, count).transpose(),
+            -2.0 * weight,
+            Par::Seq,
+        );
+        found.extend((0..count).map(|j| lowest(cost.col_as_slice(j), &norms)));
+    }
+    found
 }
 
 fn in_single(matrix: MatRef<'_, f64>) -> Mat<f32> {

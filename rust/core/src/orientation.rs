@@ -99,7 +99,10 @@ pub fn shares(
     let last = functions.min(matrix.ncols() - 1).min(target.functions - 1);
     let used = matrix.nrows().min(source.functions);
     let root: Vec<f64> = target.values.iter().map(|l| 1.0 / l.sqrt()).collect();
-    let mut carried = vec![[0.0; 2]; last + 1];
+    let by_rows: Vec<f64> = (0..used)
+        .flat_map(|r| (0..=last).map(move |a| matrix[(r, a)]))
+        .collect();
+    let mut carried = [vec![0.0; last + 1], vec![0.0; last + 1]];
     let mut products = vec![0.0; (last + 1) * (last + 1)];
     let mut sums = vec![0.0; (last + 1) * (last + 1)];
     let mut count = 0.0;
@@ -108,20 +111,13 @@ pub fn shares(
             continue;
         }
         let (here, there) = (target.row(p), source.row(q));
-        for (a, g) in carried.iter_mut().enumerate() {
-            *g = [0.0; 2];
-            for (r, h) in there[..used].iter().enumerate() {
-                let c = matrix[(r, a)];
-                g[0] += c * h[0];
-                g[1] += c * h[1];
-            }
-        }
+        carry(&by_rows, &there[..used], &mut carried);
         let (mut own, mut other) = (0.0, 0.0);
         for a in 1..=last {
             for b in 1..a {
                 let weight = root[a] * root[b];
                 let x = weight * (here[a][0] * here[b][1] - here[a][1] * here[b][0]);
-                let y = weight * (carried[a][0] * carried[b][1] - carried[a][1] * carried[b][0]);
+                let y = weight * (carried[0][a] * carried[1][b] - carried[1][a] * carried[0][b]);
                 products[a * (last + 1) + b] = x * y;
                 own += x * x;
                 other += y * y;
@@ -137,6 +133,18 @@ pub fn shares(
     Mat::from_fn(last + 1, last + 1, |a, b| {
         scale * sums[a.max(b) * (last + 1) + a.min(b)]
     })
+}
+
+/// Both coordinates of the gradients that a matrix, given by rows, takes some gradients to.
+fn carry(matrix: &[f64], gradients: &[[f64; 2]], [first, second]: &mut [Vec<f64>; 2]) {
+    first.fill(0.0);
+    second.fill(0.0);
+    for (row, [x, y]) in matrix.chunks_exact(first.len()).zip(gradients) {
+        for ((c, u), v) in row.iter().zip(&mut *first).zip(&mut *second) {
+            *u += c * x;
+            *v += c * y;
+        }
+    }
 }
 
 /// Signs of the columns, found one by one, that raise the orientation until no single one does.

@@ -13,7 +13,7 @@ use crate::orientation::{FUNCTIONS, TangentGradients, orientation};
 use crate::pair::{Mirror, Pair, Part, Shares};
 use crate::refinement::embedded_surface::{self, Refined, Side};
 use crate::refinement::upsampling::{self, UPSAMPLED_SIZE};
-use crate::shape::Shape;
+use crate::shape::{JUDGED, Shape};
 use crate::vector;
 
 /// Candidates that are upsampled and scored.
@@ -31,8 +31,6 @@ const VOTING_WITHIN: Reach = Reach {
     times: 2.0,
     floor: 1e-5,
 };
-/// Samples on which maps are judged.
-const JUDGED: usize = 300;
 /// Samples against which two candidates are told apart.
 const WITNESSES: usize = 100;
 /// Candidates are different when the distances of their images differ by this on average, and finds
@@ -252,17 +250,14 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
         || nearest(&rows_t.gather(ask_t), &rows_s),
         || nearest(&rows_s.gather(ask_s), &rows_t),
     );
-    let change = |a: &Shape, p: &[u32], b: &Shape, q: &[u32]| {
-        mean_change(
-            &a.spectral_distances(p, p),
-            &b.spectral_distances(q, q),
-            f64::INFINITY,
-        )
+    let change = |a: &Shape, b: &Shape, images: &[u32]| {
+        let there = b.spectral_distances(images, images);
+        mean_change(&a.between_judged, &there, f64::INFINITY)
     };
     let distortion = if pair.uses(Part::Geodesic) {
         let (here, there) = rayon::join(
-            || change(target, ask_t, source, &images),
-            || change(source, ask_s, target, &back),
+            || change(target, source, &images),
+            || change(source, target, &back),
         );
         pair.shares.mean(here, there)
     } else {
@@ -568,9 +563,8 @@ pub fn figures(
     let (target, source) = (pair.target, pair.source);
     // In the unit of the shape that asks, so that a part gains nothing by being taken for a smaller one.
     let change = |a: &Shape, unit: f64, b: &Shape, images: &[u32]| {
-        let asking = judging(a);
         let there = Scale(1.0 / unit) * b.spectral_distances(images, images);
-        mean_change(&a.spectral_distances(asking, asking), &there, LOCAL)
+        mean_change(&a.between_judged, &there, LOCAL)
     };
     let (orientation, (here, there)) = rayon::join(
         || orientation_of(pair, matrix, on_source, on_target),

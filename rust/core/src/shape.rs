@@ -26,6 +26,8 @@ pub const MARCHED: usize = 120;
 const LEAST_MARCHED: usize = 3;
 /// Size of the distance operator.
 pub const OPERATOR_SIZE: usize = 60;
+/// Samples on which maps are judged.
+pub const JUDGED: usize = 300;
 /// Meshes with more vertices than this are simplified to so many before anything else is done.
 pub const SIMPLIFIED_ABOVE: usize = 20_000;
 /// Vertices of a simplified mesh.
@@ -68,6 +70,8 @@ pub struct Shape {
     pub fields: Mat<f32>,
     /// Distance operator `(q, q)`.
     pub distance_operator: Mat<f64>,
+    /// [Distances](Self::spectral_distances) between the samples on which maps are [judged](JUDGED).
+    pub between_judged: Mat<f64>,
     /// Pointwise descriptors.
     pub descriptors: Descriptors,
     /// Unit vertex normals, zero where undefined.
@@ -202,7 +206,16 @@ impl Shape {
             check,
         )?;
         check()?;
+        let judged = &farthest[..JUDGED.min(farthest.len())];
+        let functions = basis.functions.as_ref();
+        let between_judged = distance_operator::between_vertices(
+            distance_operator.as_ref(),
+            functions,
+            judged,
+            judged,
+        );
         Ok(Self {
+            between_judged,
             normals: mesh.vertex_normals(),
             volume_sign: mesh.volume_sign(),
             neighbours: mesh.vertex_neighbours(),
@@ -323,12 +336,11 @@ impl Shape {
     /// Distances between two lists of vertices through the distance operator, about 2 % off.
     #[must_use]
     pub fn spectral_distances(&self, a: &[u32], b: &[u32]) -> Mat<f64> {
-        let k = self.distance_operator.nrows();
-        let basis = self.basis.functions.as_ref();
-        distance_operator::between(
+        distance_operator::between_vertices(
             self.distance_operator.as_ref(),
-            dense::gather_rows(basis, a, k).as_ref(),
-            dense::gather_rows(basis, b, k).as_ref(),
+            self.basis.functions.as_ref(),
+            a,
+            b,
         )
     }
 
