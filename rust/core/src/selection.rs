@@ -11,7 +11,8 @@ use crate::map_search::Candidate;
 use crate::nearest::nearest;
 use crate::orientation::{FUNCTIONS, TangentGradients, orientation};
 use crate::pair::{Mirror, Pair, Part, Shares};
-use crate::refinement::embedded_surface::{self, Refined, Side};
+use crate::refinement::embedded_surface::{self, Refined};
+use crate::refinement::side::Side;
 use crate::refinement::upsampling::{self, UPSAMPLED_SIZE};
 use crate::shape::{JUDGED, Shape};
 use crate::vector;
@@ -446,7 +447,7 @@ fn judged(
 
 /// Images of the samples on which maps are judged, where drawn vertices ask, which begin with them.
 fn drawn_images(side: &Side<'_>) -> Vec<u32> {
-    side.images.vertex[..judging(side.shape()).len()].to_vec()
+    side.images.vertex[..judging(side.shape).len()].to_vec()
 }
 
 /// Plausible maps of a part into a whole, best first: first maps, `(kₛ, kₜ)`, refined for a short while. How long the
@@ -540,7 +541,7 @@ fn facing(asking: &Shape, answering: &Shape, images: &[u32]) -> f64 {
 /// Images of the samples on which maps are judged, where all vertices ask.
 #[must_use]
 pub fn judged_images(side: &Side<'_>) -> Vec<u32> {
-    judging(side.shape())
+    judging(side.shape)
         .iter()
         .map(|&v| side.images.vertex[v as usize])
         .collect()

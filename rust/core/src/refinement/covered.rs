@@ -56,7 +56,7 @@ pub fn refined_on_covered<'a>(
     };
     let (part, whole) = (found.side(part_is), found.side(part_is.other()));
     let lengths = part_is.seen(pair.lengths);
-    let Some(piece) = Piece::around(whole.shape(), &part.images.vertex, lengths, progress)? else {
+    let Some(piece) = Piece::around(whole.shape, &part.images.vertex, lengths, progress)? else {
         return Ok(None);
     };
     let taken =

@@ -7,4 +7,5 @@ pub mod propagation;
 pub mod regions;
 pub mod relative_length;
 pub mod rigid_surface;
+pub mod side;
 pub mod upsampling;
