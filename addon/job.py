@@ -6,7 +6,10 @@ import time
 import warnings
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from . import core, prepared
+from .mesh_read import matched_bodies
 
 # The core's stages in an artist's words; one that is not here is shown by its own name.
 STAGE_WORDS = {
@@ -163,19 +166,23 @@ class MatchJob(Job):
         def part(words, first, share):
             return self._progress(label + words, (number + first) / many, share / many)
 
-        def shape(surface, vertices, first):
+        def shape(surface, body, first, sides=1.0):
+            vertices, triangles = surface.for_core(body)
             return prepared.shape(
-                vertices,
-                surface.outward_triangles,
+                vertices * (sides, 1.0, 1.0),
+                triangles,
                 self.options.storage,
                 progress=part(f"{surface.name}: {{}}", first, PREPARING_SHARE),
                 threads=threads,
             )
 
         threads = self.options.threads
-        source_shape = shape(self.source, self._source_vertices(), 0.0)
-        target_shape = shape(target, target.vertices, PREPARING_SHARE)
-        return sgmds.match(
+        source_body, target_body = matched_bodies(self.source, target)
+        # Seen in a mirror but wound as before, the source answers only to the map that exchanges left and
+        # right.
+        source_shape = shape(self.source, source_body, 0.0, -1.0 if self.options.swap_sides else 1.0)
+        target_shape = shape(target, target_body, PREPARING_SHARE)
+        found = sgmds.match(
             source_shape,
             target_shape,
             landmarks=self.landmarks.get(target.object_uid, ()),
@@ -186,11 +193,23 @@ class MatchJob(Job):
             threads=threads,
             progress=part("{}", 2 * PREPARING_SHARE, 1.0 - 2 * PREPARING_SHARE),
         )
+        self._tell_halves(target, source_body, found)
+        return found
 
-    def _source_vertices(self):
-        # Seen in a mirror but wound as before, the source answers only to the map that exchanges left and
-        # right.
-        return self.source.vertices * (-1.0, 1.0, 1.0) if self.options.swap_sides else self.source.vertices
+    def _tell_halves(self, target, source_body, found):
+        """Notes on what Mirror modifiers have to do with a match."""
+        if self.source.completed is None:
+            return
+        if target.completed is None:
+            self.notes.append(
+                f"'{self.source.name}' is completed by a Mirror modifier, and its modelled half alone was "
+                f"matched. If '{target.name}' is whole, apply the modifier and match again"
+            )
+        elif np.mean(source_body.turned[found.faces[: len(target.local)]]) > 0.5:
+            self.notes.append(
+                f"'{target.name}' and '{self.source.name}' are modelled on different sides. "
+                "Turn on Mirror Names to exchange left and right in the names that are carried"
+            )
 
 
 @dataclass

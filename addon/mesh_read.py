@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from . import morph
+from . import completion, morph
 
 
 class UnusableObjectError(Exception):
@@ -34,27 +34,49 @@ class Fingerprint:
 class Surface:
     """What the core needs of one object, and what it takes to find that object again.
 
-    `local` (n, 3) float32 are coordinates in object space, `vertices` (n, 3) float64 the same with the
-    object's rotation and scale applied, `triangles` (m, 3) int32 the mesh's `loop_triangles`.
+    `local` (n, 3) float32 are coordinates in object space, `triangles` (m, 3) int32 the mesh's
+    `loop_triangles`, `placed` (3, 3) the object's rotation and scale. `completed` is the whole body where a
+    Mirror modifier adds the other half, else None.
     """
 
     name: str
     object_uid: int
     mesh_uid: int
     local: np.ndarray
-    vertices: np.ndarray
     triangles: np.ndarray
-    mirrored: bool
+    placed: np.ndarray
+    completed: completion.Body | None
     fingerprint: Fingerprint
 
     @property
-    def outward_triangles(self):
-        """Triangles wound as seen: a mirroring object transform turns every face over."""
-        return self.triangles[:, ::-1] if self.mirrored else self.triangles
+    def modelled(self):
+        """The body as it is modelled."""
+        return completion.Body.modelled(self.local.astype(np.float64), self.triangles)
 
-    def from_outward(self, barycentric):
-        """Weights for the corners of `outward_triangles` → weights for the corners of `triangles`."""
-        return barycentric[:, ::-1] if self.mirrored else barycentric
+    @property
+    def mirrored(self):
+        """Whether the object's transform mirrors, which turns every face over."""
+        return bool(np.linalg.det(self.placed) < 0.0)
+
+    def for_core(self, body):
+        """Vertices of a body, turned and scaled as the object is, and its triangles, wound as seen."""
+        # Not as a matrix product, whose threads would take the window's processor.
+        vertices = np.einsum("ij,kj->ik", body.points, self.placed)
+        return vertices, body.triangles[:, ::-1] if self.mirrored else body.triangles
+
+    def from_core(self, body, faces, barycentric):
+        """Places in those triangles → places in `triangles`."""
+        return body.as_modelled(faces, barycentric[:, ::-1] if self.mirrored else barycentric)
+
+
+def matched_bodies(source, target):
+    """Which bodies of two surfaces are matched: both whole where a Mirror modifier completes the target.
+
+    The half of a source alone cannot be completed for a whole target: what it carries has no other half.
+    """
+    if target.completed is None:
+        return source.modelled, target.modelled
+    return source.completed or source.modelled, target.completed
 
 
 def check_usable(obj, *, as_target=False):
@@ -229,11 +251,17 @@ def reading(context, obj, *, evaluated=False, as_target=False):
     name, object_uid, mesh_uid = obj.name, obj.session_uid, mesh.session_uid
     modelled = positions(mesh), corner_vertices(mesh), face_starts(mesh)
     local = _evaluated_positions(context, obj) if evaluated else modelled[0]
+    # A modifier that adds vertices is refused where the mesh is read as shown.
+    mirrors = [] if evaluated else completion.mirrors(obj, local.astype(np.float64))
     yield
     fans, faces, unsure = yield from _fans(*modelled)
     mesh = _same_mesh(object_uid, mesh_uid, name)
     triangles = modelled[1][_as_blender_has_them(mesh, fans, faces, unsure)]
     yield
+    completed = completion.Body.modelled(local.astype(np.float64), triangles) if mirrors else None
+    for mirror in mirrors:
+        completed = completed.completed(mirror)
+        yield
     read_as = _fingerprint(*modelled)
     yield
     return Surface(
@@ -241,10 +269,9 @@ def reading(context, obj, *, evaluated=False, as_target=False):
         object_uid=object_uid,
         mesh_uid=mesh_uid,
         local=local,
-        # Not as a matrix product, whose threads would take the window's processor.
-        vertices=np.einsum("ij,kj->ik", local.astype(np.float64), placed),
         triangles=triangles,
-        mirrored=bool(np.linalg.det(placed) < 0.0),
+        placed=placed,
+        completed=completed,
         fingerprint=read_as,
     )
 

@@ -7,7 +7,7 @@ import bpy
 import numpy as np
 
 from . import palette
-from .mesh_read import UnusableObjectError
+from .mesh_read import UnusableObjectError, matched_bodies
 
 # Names of our own attributes begin so: they are never carried.
 OURS = "match_"
@@ -140,18 +140,25 @@ def image_points(points, triangles, faces, barycentric):
 
 def write_match(source, target, source_surface, target_surface, found):
     """Write one correspondence as attributes: colours on both meshes, the map itself on the target."""
-    faces = np.asarray(found.faces, np.int64)
-    barycentric = source_surface.from_outward(np.asarray(found.barycentric, np.float64))
+    source_body, _ = matched_bodies(source_surface, target_surface)
+    # Of a completed target the modelled vertices are the first.
+    modelled = slice(len(target_surface.local))
+    faces, barycentric = source_surface.from_core(
+        source_body,
+        np.asarray(found.faces, np.int64)[modelled],
+        np.asarray(found.barycentric, np.float64)[modelled],
+    )
+    confidence = np.asarray(found.confidence)[modelled]
     position = image_points(source_surface.local, source_surface.triangles, faces, barycentric)
     mesh = target.data
     write_attribute(mesh, "match_position", "FLOAT_VECTOR", "POINT", position)
     write_attribute(mesh, "match_face", "INT", "POINT", faces)
     write_attribute(mesh, "match_barycentric", "FLOAT_VECTOR", "POINT", barycentric)
-    write_attribute(mesh, "match_confidence", "FLOAT", "POINT", found.confidence)
+    write_attribute(mesh, "match_confidence", "FLOAT", "POINT", confidence)
     if HEAT in mesh.attributes:
         write_heat(mesh)
     write_colours(source, target, source_surface.local, source_surface.triangles)
-    _remember(source, mesh, source_surface, target_surface, found)
+    _remember(source, mesh, source_surface, target_surface, found.quality, confidence)
 
 
 def write_colours(source, target, points, triangles):
@@ -176,7 +183,7 @@ def write_heat(mesh):
     write_attribute(mesh, HEAT, "FLOAT_COLOR", "POINT", palette.heat_colours(confidence))
 
 
-def _remember(source, mesh, source_surface, target_surface, found):
+def _remember(source, mesh, source_surface, target_surface, quality, confidence):
     stored = mesh.spectral_match
     for obj in bpy.data.objects:
         if obj.data == mesh and obj.is_editable:
@@ -184,6 +191,6 @@ def _remember(source, mesh, source_surface, target_surface, found):
     stored.source_name = source.name
     stored.source_fingerprint = str(source_surface.fingerprint)
     stored.target_fingerprint = str(target_surface.fingerprint)
-    stored.grade = found.quality.grade
-    stored.reasons = "\n".join(found.quality.reasons)
-    stored.mean_confidence = float(np.mean(found.confidence)) if len(found.confidence) else 0.0
+    stored.grade = quality.grade
+    stored.reasons = "\n".join(quality.reasons)
+    stored.mean_confidence = float(np.mean(confidence)) if len(confidence) else 0.0

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import BoolProperty
 from bpy.types import Operator
 
-from .. import core, landmarks, mesh_read, mesh_write, notice, pair, preferences, stored_match
+from .. import completion, core, landmarks, mesh_read, mesh_write, notice, pair, preferences, stored_match
 from .. import job as job_module
 from ..job import Job, MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
@@ -50,7 +50,8 @@ def reading(context, source, targets, *, swap_sides=False):
             wanted.setdefault(target.data.session_uid, (target.session_uid, target.name))
         else:
             notes.append(f"'{target.name}' was left out: it shares the mesh of '{source.name}'")
-    mesh_read.place(context, [source, *targets])
+    bodies = [source, *targets]
+    mesh_read.place(context, [seen for obj in bodies for seen in (obj, *completion.mirror_objects(obj))])
     source_surface = yield from mesh_read.reading(context, source, evaluated=evaluated)
     surfaces = []
     for uid, name in wanted.values():

@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty
 
-from .. import mesh_read
+from .. import completion, mesh_read
 from ..mesh_read import UnusableObjectError
 from . import (
     armatures,
@@ -103,8 +103,7 @@ def carry_all(target, options, chosen):
     if any(wanted[kind.identifier] for kind in (shape_keys.KIND, armatures.KIND, companions.KIND)):
         redirect(route, options)
     target.data.update()
-    if wanted[armatures.KIND.identifier] or wanted[companions.KIND.identifier]:
-        notes += _mirrored(route.source)
+    notes += _halves(route, *(bool(wanted[kind.KIND.identifier]) for kind in (armatures, companions)))
     return notes + [note for part in route.prepared for note in part.notes]
 
 
@@ -120,15 +119,24 @@ def _whole(route, wanted):
     return bodies + rigs + hung
 
 
-def _mirrored(source):
-    """A note when a modifier adds the other half, by which nothing can be placed."""
-    if not any(modifier.type == "MIRROR" and modifier.show_viewport for modifier in source.modifiers):
+def _halves(route, rigs, objects):
+    """Notes when a modifier adds a half, by whose surface nothing can be placed."""
+    source, target = route.source, route.target
+    if not (rigs or objects):
         return []
-    return [
-        f"'{source.name}' is completed by a Mirror modifier, and its modelled half alone was matched. Bones "
-        "and objects of the other half may lie beside the target: apply the modifier and match again, or "
-        "symmetrize them"
-    ]
+    if not route.target_mirrors and completion.mirrors(source, route.source_points):
+        return [
+            f"'{source.name}' is completed by a Mirror modifier, and its modelled half alone was matched. "
+            "Bones and objects of the other half may lie beside the target: apply the modifier and match "
+            "again, or symmetrize them"
+        ]
+    if objects and route.target_mirrors:
+        return [
+            f"'{target.name}' is completed by a Mirror modifier, and the map knows its modelled half alone. "
+            "Objects of the other half may lie beside it: apply the modifier and match again, or symmetrize "
+            "them"
+        ]
+    return []
 
 
 def _check_twins(route, wanted, options):

@@ -8,13 +8,16 @@ import numpy as np
 from mathutils import Matrix, Vector
 
 from ..mesh_read import UnusableObjectError
+from ..mesh_write import image_points
 from .copies import MADE_FOR, comes_from, copied, object_copy
 from .kind import Kind, Prepared
-from .sides import actions_of, name_on_target, names_on_target, own_actions, rename
+from .sides import actions_of, flip_name, name_on_target, names_on_target, own_actions, rename
 from .vertex_groups import read_weights
 
 # Ends of bones nearer than this share of the rig's size are one joint.
 SAME_JOINT = 1e-5
+# A joint of bones without a side lies in the mirror if fitted nearer to it than this share of the rig's size.
+IN_THE_MIDDLE = 0.02
 # Blender deletes bones up to 1e-6 long.
 SHORTEST_BONE = 2e-6
 # What an Armature modifier is set to.
@@ -84,7 +87,52 @@ def _fit(route, rig):
         np.round(ends / max(size * SAME_JOINT, 1e-12)), axis=0, return_index=True, return_inverse=True
     )
     joint = joint.reshape(-1, 2)
-    return route.map_as_seen.joints(ends[first], _influence(route.source, bones, joint)), joint
+    fitted = route.map_as_seen.joints(ends[first], _influence(route.source, bones, joint))
+    if len(route.target_mirrors) == 1:
+        axes = to_source[:3, :3]
+        turned_over = axes @ np.diag((-1.0, 1.0, 1.0)) @ np.linalg.inv(axes)
+        fitted = _on_both_halves(route, ends[first], _partners(bones, joint), turned_over, fitted)
+    return fitted, joint
+
+
+def _partners(bones, joint):
+    """The joint of the other side for each joint, by the names of bones; -1 where these have no side."""
+    partner = np.full(joint.max() + 1, -1)
+    ends_of = {bone.name: ends for bone, ends in zip(bones, joint, strict=True)}
+    for name, ends in ends_of.items():
+        other = flip_name(name)
+        if other != name and other in ends_of:
+            partner[ends] = ends_of[other]
+    return partner
+
+
+def _on_both_halves(route, ends, partner, turned_over, fitted):
+    """Fitted joints of a target of which a modifier mirrors one half: symmetric as it is.
+
+    A joint on the half that the map knows counts for its partner too, and one in the middle comes to lie in
+    the mirror. `turned_over` is the rig's reflection as the source has it.
+    """
+    positions, turns, scales = (np.array(values) for values in fitted)
+    (mirror,) = route.target_mirrors
+    stretch = np.eye(4)
+    stretch[:3, :3] = route.target_stretch
+    reflection = stretch @ mirror.reflection @ np.linalg.inv(stretch)
+    surface = image_points(
+        route.source_points @ route.source_stretch, route.triangles, route.face, route.barycentric
+    )
+    away = np.array([np.linalg.norm(surface - end, axis=1).min() for end in ends])
+    images = positions @ reflection[:3, :3].T + reflection[:3, 3]
+    turned = reflection[:3, :3] @ turns @ turned_over
+    off = np.linalg.norm(images - positions, axis=1) / 2.0
+    own = np.arange(len(ends))
+    partner = np.where((partner < 0) & (off < IN_THE_MIDDLE * np.ptp(positions, axis=0).max()), own, partner)
+    for j in own[(partner == own) | ((partner >= 0) & (away > away[partner]))]:
+        other = partner[j]
+        share = 0.5 if other == j else 1.0
+        positions[j] += share * (images[other] - positions[j])
+        left, _, right = np.linalg.svd(turns[j] + share * (turned[other] - turns[j]))
+        turns[j], scales[j] = left @ right, scales[other]
+    return positions, turns, scales
 
 
 def _influence(source, bones, joint):

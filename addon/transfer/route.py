@@ -8,7 +8,7 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .. import core, mesh_read, mesh_write, stored_match
+from .. import completion, core, mesh_read, mesh_write, stored_match
 from ..mesh_read import UnusableObjectError
 
 # A scale is even up to this: matrices are in single precision.
@@ -108,6 +108,11 @@ class Route:
             weights,
             confidence,
         )
+
+    @cached_property
+    def target_mirrors(self):
+        """The mirrors that complete the target, in the coordinates of its mesh."""
+        return completion.mirrors(self.target, self.target_points)
 
     @cached_property
     def source_stretch(self):

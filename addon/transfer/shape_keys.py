@@ -36,7 +36,7 @@ def prepare(route, wanted, options):
     for block in blocks:
         delta = (read_key(block) - read_key(block.relative_key)) @ route.source_stretch
         carried = route.map_as_seen.displacements(delta, turn_only=not options.scale_keys)
-        offsets[block.name] = carried @ back
+        offsets[block.name] = _in_mirrors(route, carried @ back)
     masks = {block.name: block.vertex_group for block in blocks}
     if options.mirror_names:
         masks = {name: flip_name(mask) for name, mask in masks.items()}
@@ -47,6 +47,14 @@ def prepare(route, wanted, options):
             f"too: {', '.join(missing)}"
         )
     return Prepared(lambda: _write(route, blocks, named, offsets, masks), tuple(notes))
+
+
+def _in_mirrors(route, offsets):
+    """Displacements that leave in its place the rim along which a Mirror modifier completes the target."""
+    for mirror in route.target_mirrors:
+        rim = mirror.merged(route.target_points)
+        offsets[rim] = (offsets[rim] + offsets[rim] @ mirror.reflection[:3, :3].T) / 2.0
+    return offsets
 
 
 def _with_references(keys, wanted):

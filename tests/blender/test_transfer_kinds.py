@@ -1387,18 +1387,6 @@ def test_a_hidden_source_of_an_opened_file_stands_where_it_stood(copies, tmp_pat
     np.testing.assert_allclose(found[1], found[0], atol=1e-4)
 
 
-def test_a_body_that_a_modifier_completes_is_told_of(copies):
-    source, target, _, _ = copies
-    rigged(copies)
-    transfer(source, target, kinds="groups,armature")
-    assert not notice.words
-    source.modifiers.new("Mirror", "MIRROR")
-    transfer(source, target, kinds="groups")
-    assert not notice.words
-    transfer(source, target, kinds="groups,armature")
-    assert "'Source' is completed by a Mirror modifier" in notice.words
-
-
 def test_locked_groups_and_masked_vertices_keep_what_they_have(scene):
     source = ball("Source", 16, 8)
     count = len(source.data.vertices)

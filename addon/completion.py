@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Bodies of which one half is modelled and a Mirror modifier adds the other."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+# Vertices this near to their images, as a share of the body's size, lie on the mirror even if Merge is off.
+ON_MIRROR = 1e-6
+# Of a half at most this share of the vertices lies behind the mirror.
+BEHIND = 0.05
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """One axis of a Mirror modifier.
+
+    `to_mirror` (4, 4) leads from the object's space to that in which `axis` is turned around; vertices
+    within `merged_within` of their images become one with them.
+    """
+
+    to_mirror: np.ndarray
+    axis: int
+    merged_within: float
+
+    @property
+    def reflection(self):
+        """In the object's space, (4, 4)."""
+        flip = np.eye(4)
+        flip[self.axis, self.axis] = -1.0
+        return np.linalg.inv(self.to_mirror) @ flip @ self.to_mirror
+
+    def sides(self, points):
+        """How far each point lies before the mirror, negative behind it, in the mirror's space: (n,)."""
+        return points @ self.to_mirror[self.axis, :3] + self.to_mirror[self.axis, 3]
+
+    def reflected(self, points):
+        reflection = self.reflection
+        return points @ reflection[:3, :3].T + reflection[:3, 3]
+
+    def merged(self, points):
+        """Which points become one with their images, (n,)."""
+        reach = max(self.merged_within, ON_MIRROR * np.ptp(points, axis=0).max())
+        return np.linalg.norm(self.reflected(points) - points, axis=1) <= reach
+
+    def completes(self, points):
+        """Whether a body with these points is a half that is joined to its image."""
+        merged = self.merged(points)
+        before = self.sides(points[~merged]) > 0.0
+        behind = min(np.count_nonzero(before), np.count_nonzero(~before))
+        return 0 < np.count_nonzero(merged) < len(points) and behind <= BEHIND * len(points)
+
+
+@dataclass(frozen=True)
+class Body:
+    """What of an object the core is given.
+
+    `points` (n, 3) float64 are coordinates in object space, the modelled vertices first; `triangles` (m, 3).
+    `face` (m,) is the modelled triangle that each shows, `turned` (m,) whether it is wound the other way.
+    """
+
+    points: np.ndarray
+    triangles: np.ndarray
+    face: np.ndarray
+    turned: np.ndarray
+
+    @classmethod
+    def modelled(cls, points, triangles):
+        """A body as it is modelled."""
+        return cls(points, triangles, np.arange(len(triangles)), np.zeros(len(triangles), bool))
+
+    def completed(self, mirror):
+        """This body and its mirror image in one, joined where they meet."""
+        count = len(self.points)
+        merged = mirror.merged(self.points)
+        image = np.where(merged, np.arange(count), count - 1 + np.cumsum(~merged))
+        points = self.points.copy()
+        points[merged] = (points[merged] + mirror.reflected(points[merged])) / 2.0
+        # A face in the mirror, which is its own image, would be a wall inside of the whole.
+        kept = ~merged[self.triangles].all(axis=1)
+        triangles = self.triangles[kept]
+        return Body(
+            np.concatenate([points, mirror.reflected(self.points[~merged])]),
+            np.concatenate([triangles, image[triangles][:, ::-1]]).astype(np.int32),
+            np.tile(self.face[kept], 2),
+            np.concatenate([self.turned[kept], ~self.turned[kept]]),
+        )
+
+    def as_modelled(self, faces, barycentric):
+        """Places in these triangles → the same in the modelled triangles that they show."""
+        turned = self.turned[faces]
+        return self.face[faces], np.where(turned[:, None], barycentric[:, ::-1], barycentric)
+
+
+def mirrors(obj, points):
+    """The mirrors that complete an object with these points (n, 3), in Blender's order.
+
+    One that cuts one side away completes nothing, since both are modelled, nor one whose image lies apart.
+    """
+    found = []
+    for modifier in obj.modifiers:
+        if modifier.type != "MIRROR" or not modifier.show_viewport:
+            continue
+        to_mirror = np.eye(4)
+        if modifier.mirror_object is not None:
+            to_mirror = np.array(modifier.mirror_object.matrix_world.inverted_safe() @ obj.matrix_world)
+        within = modifier.merge_threshold if modifier.use_mirror_merge else 0.0
+        for axis in range(3):
+            mirror = Mirror(to_mirror, axis, within)
+            if modifier.use_axis[axis] and not modifier.use_bisect_axis[axis] and mirror.completes(points):
+                found.append(mirror)
+    return found
+
+
+def mirror_objects(obj):
+    """The objects about which its Mirror modifiers mirror."""
+    return [m.mirror_object for m in obj.modifiers if m.type == "MIRROR" and m.mirror_object is not None]
