@@ -3,6 +3,7 @@
 mod lanczos;
 mod shifted_factor;
 
+use std::collections::VecDeque;
 use std::f64::consts::PI;
 
 use faer::{Col, Mat};
@@ -35,10 +36,12 @@ const SHIFT_STEP_ASIDE: f64 = 0.97;
 /// Eigenfunctions measured in one pass over `W`.
 const MEASURED_AT_ONCE: usize = 4;
 
-/// Jacobi sweeps allowed to a pair whose residual is rounding at tiny vertices, and their step:
-/// two thirds damps every oscillation at least threefold.
-const SMOOTHING_SWEEPS: usize = 12;
-const SMOOTHING_STEP: f64 = 2.0 / 3.0;
+/// Single vertices relaxed at most for a pair whose residual is rounding at tiny vertices, for each vertex.
+const RELAXATIONS: usize = 100;
+
+/// A vertex is tiny where its stiffness is more than this many times its mass times the eigenvalue: the pair's equation
+/// there says what its value is, given those around it.
+const STIFF: f64 = 1e3;
 
 /// Meshes with fewer vertices than this many per vector of the first space are solved densely.
 const DENSE_RATIO: usize = 2;
@@ -172,9 +175,8 @@ impl Eigenbasis {
 
     /// Measures every pair against `W` and `A` themselves.
     ///
-    /// A pair that misses the bound is smoothed once: at vertices of tiny mass, rounding in
-    /// `A^{1/2}φ` is a large oscillation of `φ`, which a Jacobi sweep removes and nothing else
-    /// notices.
+    /// A pair that misses the bound is relaxed at vertices of tiny mass, where rounding in `A^{1/2}φ` is a large
+    /// oscillation of `φ` that nothing else notices.
     fn check(
         &mut self,
         laplacian: &Laplacian,
@@ -200,7 +202,7 @@ impl Eigenbasis {
             for (j, mut residual) in (first..k).zip(measured) {
                 // The constant has rounding only.
                 if j > 0 && residual > bound {
-                    residual = self.smooth(laplacian, j, bound);
+                    residual = self.relax(laplacian, j, bound);
                 }
                 // NaN counts as a failure.
                 if residual <= bound || j == 0 {
@@ -219,24 +221,51 @@ impl Eigenbasis {
         Ok(())
     }
 
-    /// Jacobi sweeps over pair `j` until its residual is within the bound; returns the residual.
-    fn smooth(&mut self, laplacian: &Laplacian, j: usize, bound: f64) -> f64 {
-        let diagonal = laplacian.stiffness.diag();
-        let mut defects = vec![[0.0]; laplacian.len()];
-        let mut sweeps = 0;
-        loop {
-            let phi = column(&self.functions, j);
-            let [residual] = residuals(laplacian, [self.values[j]], [phi], &mut defects);
-            if residual <= bound || sweeps == SMOOTHING_SWEEPS {
-                return residual;
+    /// Solves the equation of pair `j` at one tiny vertex after the other, while one exceeds its share of the bound;
+    /// returns the residual.
+    ///
+    /// # Source
+    /// Southwell, "Relaxation methods in engineering science", 1940.
+    fn relax(&mut self, laplacian: &Laplacian, j: usize, bound: f64) -> f64 {
+        let (n, lambda) = (laplacian.len(), self.values[j]);
+        let mut defects = vec![[0.0]; n];
+        residuals(
+            laplacian,
+            [lambda],
+            [column(&self.functions, j)],
+            &mut defects,
+        );
+        let exceeds = |i: usize, defect: f64| {
+            defect * defect > bound * bound * laplacian.mass[i] / (2 * n) as f64
+        };
+        let mut waiting: VecDeque<usize> = (0..n).filter(|&i| exceeds(i, defects[i][0])).collect();
+        let mut left = RELAXATIONS * n;
+        while let (Some(i), 1..) = (waiting.pop_front(), left) {
+            left -= 1;
+            let (Some(row), [defect]) = (laplacian.stiffness.outer_view(i), defects[i]) else {
+                continue;
+            };
+            let inertia = lambda * laplacian.mass[i];
+            let stiffness = row.get(i).copied().unwrap_or(0.0);
+            if stiffness <= STIFF * inertia || !exceeds(i, defect) {
+                continue;
             }
-            sweeps += 1;
-            for (i, &w) in diagonal.iter() {
-                if w > 0.0 {
-                    self.functions[(i, j)] -= SMOOTHING_STEP * defects[i][0] / w;
+            let step = defect / (stiffness - inertia);
+            self.functions[(i, j)] -= step;
+            for (c, &w) in row.iter() {
+                defects[c][0] -= step * if c == i { w - inertia } else { w };
+                if c != i && exceeds(c, defects[c][0]) {
+                    waiting.push_back(c);
                 }
             }
         }
+        let [residual] = residuals(
+            laplacian,
+            [lambda],
+            [column(&self.functions, j)],
+            &mut defects,
+        );
+        residual
     }
 }
 
