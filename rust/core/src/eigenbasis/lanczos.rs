@@ -1,24 +1,21 @@
 //! Block Lanczos for the eigenpairs of `M = A^{1/2}(W − sA)⁻¹A^{1/2}` far from zero.
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
-use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
+use faer::Accum;
 use faer::linalg::matmul::matmul;
-use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::*;
-use faer::{Accum, Spec};
 
+use super::ROWS_A_PIECE;
+use super::orthogonal::{eigen, least_pivot, orthonormalise, remove};
 use super::shifted_factor::ShiftedFactor;
 use crate::error::{Error, Result};
 
-/// Vectors multiplied at once. Measured at 5k vertices and k = 200: 344, 400, 480 solves with 4, 8,
-/// 16 vectors, and 8 the fastest in all.
-const BLOCK: usize = 8;
+/// Vectors multiplied at once: a row of four fills a vector register. At 5k vertices and k = 200 the space has 344, 400,
+/// 480 dimensions with 4, 8, 16 vectors, and orthogonalisation grows with the square.
+const BLOCK: usize = 4;
 
-/// Size of the space needed per hundred wanted pairs, and for a few: measured at k = 30 to 200 and 1.3k to 53k
-/// vertices, where it falls short by two blocks at most. A block too many costs less than to look again.
-const SIZE_PER_HUNDRED_PAIRS: usize = 160;
-const LEAST_SIZE: usize = 86;
+/// Size of the space needed per hundred wanted pairs, and for a few: measured at k = 4 to 300. A block too many costs less than to look again.
+const SIZE_PER_HUNDRED_PAIRS: usize = 150;
+const LEAST_SIZE: usize = 50;
 
 /// Blocks made orthogonal to all before them together, so that the basis, which is far larger than the nearest cache,
 /// is read less often. With three, what rounding leaves along converged Ritz vectors grows too large while they wait.
@@ -28,8 +25,11 @@ const BLOCKS_TOGETHER: usize = 2;
 /// shift moved towards an eigenvalue, pairs of blocks leave `ΦᵀAΦ = I` to 3e-14 at 5e4, to 1e-11 at 5e5, and fail at 5e7.
 const MOST_GROWTH: f64 = 1e5;
 
-/// Rows of the basis multiplied at once, so that they stay in the cache: a multiple of the 48 of faer's kernel.
-const ROWS_A_PIECE: usize = 96;
+/// Eigenvalues farther apart than this, relatively, are told apart by a factor whose shift lies between them.
+const GAP: f64 = 1e-6;
+
+/// Gaps between the eigenvalues wanted and the rest at which a factor is tried.
+const GAPS_TRIED: usize = 4;
 
 /// The iteration gives up at this multiple of the size expected.
 const PATIENCE: usize = 3;
@@ -51,10 +51,11 @@ pub(super) struct RitzPairs {
 /// At least `count` solves with a factor, in the blocks of the iteration.
 pub(super) fn bare_solves(factor: &ShiftedFactor<'_>, count: usize) {
     let n = factor.ordering().len();
-    let mut workspace = factor.workspace(BLOCK);
-    let mut block = starting_block(n);
+    let mut block = vec![[1.0; BLOCK]; n];
     for _ in 0..count.div_ceil(BLOCK) {
-        factor.solve_in_place(block.as_mut(), &mut workspace);
+        // Numbers near the least take longer.
+        block.fill([1.0; BLOCK]);
+        factor.solve(&mut block);
     }
 }
 
@@ -76,7 +77,8 @@ pub(super) struct BlockLanczos<'a> {
     /// `‖M‖` over the least pivot of the last triangle: by how much a block's overlap with converged Ritz vectors
     /// exceeds that of the block before it, at most.
     growth: f64,
-    workspace: MemBuffer,
+    /// A block as the factor takes it, row by row.
+    rows: Vec<[f64; BLOCK]>,
 }
 
 impl<'a> BlockLanczos<'a> {
@@ -106,13 +108,13 @@ impl<'a> BlockLanczos<'a> {
             settled: 1 + BLOCK,
             norm: 0.0,
             growth: 0.0,
-            workspace: factor.workspace(BLOCK),
+            rows: vec![[0.0; BLOCK]; n],
         }
     }
 
     /// Extends the space until the `wanted` smallest `λ = s + 1/ν > 0` have
-    /// `‖Mx − νx‖ ≤ bound·λ_wanted·ν²` and as many of them lie below `s` as the factor's inertia
-    /// says.
+    /// `‖Mx − νx‖ ≤ bound·λ_wanted·ν²`, as many of them lie below `s` as the factor's inertia says,
+    /// and as many below a shift above them all as its factor's.
     pub(super) fn run(
         mut self,
         wanted: usize,
@@ -137,8 +139,8 @@ impl<'a> BlockLanczos<'a> {
                 continue;
             }
             let (values, vectors) = eigen(self.projected.submatrix(0, 0, m, m))?;
-            let mut order = spectrum_order(&values, shift);
-            order.truncate(wanted);
+            let found = spectrum_order(&values, shift);
+            let order = &found[..wanted.min(found.len())];
             let last = self.projected.submatrix(m, m - BLOCK, BLOCK, BLOCK);
             let tails = last
                 * Mat::from_fn(BLOCK, order.len(), |i, j| {
@@ -151,9 +153,14 @@ impl<'a> BlockLanczos<'a> {
                 .map(|(&i, tail)| tail.norm_l2() / (bound * largest * values[i] * values[i]))
                 .collect();
             let worst = errors.iter().copied().fold(0.0, f64::max);
-            let found = order.iter().filter(|&&i| values[i] < 0.0).count();
-            if worst <= 1.0 && order.len() == wanted && found == below {
-                return self.pairs(&order, &values, vectors.as_ref(), tails.as_ref(), cancelled);
+            let found_below = order.iter().filter(|&&i| values[i] < 0.0).count();
+            let lambda = |&i: &usize| shift + 1.0 / values[i];
+            if worst <= 1.0
+                && order.len() == wanted
+                && found_below == below
+                && self.none_missed(&found.iter().map(lambda).collect::<Vec<_>>(), wanted)
+            {
+                return self.pairs(order, &values, vectors.as_ref(), tails.as_ref(), cancelled);
             }
             if m >= most {
                 return Err(Error::NotConverged {
@@ -162,10 +169,31 @@ impl<'a> BlockLanczos<'a> {
                     residual: worst * bound * largest,
                 });
             }
-            // Once past its threshold the error falls about tenfold per block.
-            let blocks = (1..6).find(|&d| worst <= 10f64.powi(d)).unwrap_or(6);
-            check_at = m + BLOCK * blocks.unsigned_abs() as usize;
+            // Past its threshold the error falls about tenfold with two blocks. A copy that was missed grows from rounding.
+            let blocks = match worst {
+                ..=1.0 => 2,
+                ..=1e2 => 4,
+                ..=1e4 => 6,
+                _ => 8,
+            };
+            check_at = m + BLOCK * blocks;
         }
+    }
+
+    /// Whether as many eigenvalues as Ritz values lie below the first gap at or after the last `wanted`. A block
+    /// of fewer vectors than an eigenvalue has copies finds the others late.
+    fn none_missed(&self, found: &[f64], wanted: usize) -> bool {
+        (wanted..found.len())
+            .filter(|&r| found[r] - found[r - 1] > GAP * found[r])
+            .take(GAPS_TRIED)
+            .find_map(|r| {
+                let factor = self
+                    .factor
+                    .with_shift(f64::midpoint(found[r - 1], found[r]))?;
+                // The deflated constant is below as well.
+                Some(factor.eigenvalues_below() == 1 + r)
+            })
+            .unwrap_or(false)
     }
 
     /// One more block: multiply by `M`, orthogonalise, store.
@@ -222,12 +250,19 @@ impl<'a> BlockLanczos<'a> {
 
     /// `M` times the basis's last block, into the columns after it.
     fn multiply_last(&mut self) {
-        let (known, rest) = self.basis.split_at_col_mut(1 + self.size + BLOCK);
-        let mut x = rest.subcols_mut(0, BLOCK);
-        x.copy_from(known.subcols(1 + self.size, BLOCK));
-        scale_rows(x.rb_mut(), self.root_mass);
-        self.factor.solve_in_place(x.rb_mut(), &mut self.workspace);
-        scale_rows(x, self.root_mass);
+        let first = 1 + self.size;
+        for (c, column) in self.basis.subcols(first, BLOCK).col_iter().enumerate() {
+            for ((row, x), root) in self.rows.iter_mut().zip(column.iter()).zip(self.root_mass) {
+                row[c] = x * root;
+            }
+        }
+        self.factor.solve(&mut self.rows);
+        let next = self.basis.subcols_mut(first + BLOCK, BLOCK);
+        for (c, column) in next.col_iter_mut().enumerate() {
+            for ((row, x), root) in self.rows.iter().zip(column.iter_mut()).zip(self.root_mass) {
+                *x = row[c] * root;
+            }
+        }
     }
 
     /// Makes the columns that have waited orthogonal to all before them. As long as they were so to `√ε`, the
@@ -316,121 +351,6 @@ fn spectrum_order(values: &[f64], shift: f64) -> Vec<usize> {
 /// Size of the space at which convergence is first looked at.
 pub(super) fn expected_size(wanted: usize) -> usize {
     (wanted * SIZE_PER_HUNDRED_PAIRS / 100 + LEAST_SIZE).next_multiple_of(BLOCK)
-}
-
-/// `X ← (I − QQᵀ)X`; returns `XᵀQ`.
-fn remove(mut x: MatMut<'_, f64>, q: MatRef<'_, f64>) -> Mat<f64> {
-    let mut products = Mat::zeros(x.ncols(), q.ncols());
-    matmul(
-        &mut products,
-        Accum::Replace,
-        x.rb().transpose(),
-        q,
-        1.0,
-        Par::Seq,
-    );
-    for first in (0..q.nrows()).step_by(ROWS_A_PIECE) {
-        let rows = ROWS_A_PIECE.min(q.nrows() - first);
-        matmul(
-            x.rb_mut().subrows_mut(first, rows),
-            Accum::Add,
-            q.subrows(first, rows),
-            products.transpose(),
-            -1.0,
-            Par::Seq,
-        );
-    }
-    products
-}
-
-/// `X = QR`, `Q` orthogonal to what is `known`: overwrites `X` with `Q`, returns `R`.
-fn orthonormalise(mut x: MatMut<'_, f64>, known: MatRef<'_, f64>) -> Mat<f64> {
-    if let Some(first) = cholesky_qr(x.rb_mut())
-        && let Some(second) = cholesky_qr(x.rb_mut())
-    {
-        return second * first;
-    }
-    // Columns nearly dependent: Householder reflections complete them to an orthonormal set,
-    // which has to be made orthogonal to the basis again.
-    let qr = x.qr();
-    let triangle = qr.thin_R().to_owned();
-    x.copy_from(qr.compute_thin_Q());
-    remove(x.rb_mut(), known);
-    let again = x.qr();
-    x.copy_from(again.compute_thin_Q());
-    again.thin_R().to_owned() * triangle
-}
-
-/// Cholesky of `XᵀX`: overwrites `X` with an orthonormal basis and returns the upper triangle, or
-/// leaves `X` alone when its columns are too nearly dependent.
-fn cholesky_qr(x: MatMut<'_, f64>) -> Option<Mat<f64>> {
-    let b = x.ncols();
-    let mut gram = x.rb().transpose() * x.rb();
-    let largest = (0..b).map(|i| gram[(i, i)]).fold(0.0, f64::max);
-    cholesky_in_place(
-        gram.as_mut(),
-        faer::linalg::cholesky::llt::factor::LltRegularization::default(),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(cholesky_in_place_scratch::<f64>(
-            b,
-            Par::Seq,
-            Spec::default(),
-        ))),
-        Spec::default(),
-    )
-    .ok()?;
-    let least = (0..b).map(|i| gram[(i, i)]).fold(f64::MAX, f64::min);
-    // The square of the condition number must stay well inside double precision.
-    if least * least <= 1e-12 * largest {
-        return None;
-    }
-    solve_lower_triangular_in_place(gram.as_ref(), x.transpose_mut(), Par::Seq);
-    Some(Mat::from_fn(
-        b,
-        b,
-        |i, j| {
-            if i <= j { gram[(j, i)] } else { 0.0 }
-        },
-    ))
-}
-
-/// Eigenvalues, ascending, and eigenvectors of the lower half.
-pub(super) fn eigen(matrix: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>)> {
-    let m = matrix.nrows();
-    let mut values = vec![0.0; m];
-    let mut vectors = Mat::zeros(m, m);
-    let scratch =
-        self_adjoint_evd_scratch::<f64>(m, ComputeEigenvectors::Yes, Par::Seq, Spec::default());
-    self_adjoint_evd(
-        matrix,
-        faer::diag::DiagMut::from_slice_mut(&mut values),
-        Some(vectors.as_mut()),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Spec::default(),
-    )
-    .map_err(|_| Error::NotConverged {
-        found: 0,
-        wanted: m,
-        residual: f64::NAN,
-    })?;
-    Ok((values, vectors))
-}
-
-fn scale_rows(mut x: MatMut<'_, f64>, factors: &[f64]) {
-    for column in x.rb_mut().col_iter_mut() {
-        if let Some(column) = column.try_as_col_major_mut() {
-            for (entry, factor) in column.as_slice_mut().iter_mut().zip(factors) {
-                *entry *= factor;
-            }
-        }
-    }
-}
-
-fn least_pivot(triangle: &Mat<f64>) -> f64 {
-    (0..triangle.ncols())
-        .map(|i| triangle[(i, i)].abs())
-        .fold(f64::MAX, f64::min)
 }
 
 fn starting_block(n: usize) -> Mat<f64> {

@@ -9,31 +9,25 @@ use faer::sparse::linalg::cholesky::{
     factorize_symbolic_cholesky, supernodal,
 };
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Conj, Side, Spec};
+use faer::{Side, Spec};
 
+use super::substitution::Supernode;
+use crate::dense::vectorised;
 use crate::error::{Error, Result};
 use crate::laplacian::Laplacian;
 
 /// Largest relative error of a solve that is still taken for a sound factor.
 const SOLVE_ACCURACY: f64 = 1e-7;
 
-/// Factor `LDLᵀ = P(W − sA)Pᵀ` for a shift `s` that may lie inside the spectrum.
-///
-/// `D` is diagonal and there is no pivoting for size: the matrices eliminated before the last few
-/// separators are those of small patches with fixed borders, whose spectra lie far above `s`. A
-/// shift that falls on the spectrum of a patch shows as an inaccurate solve, see
-/// [`Self::is_accurate`].
-pub(super) struct ShiftedFactor<'a> {
+/// What the factors of `W − sA` have in common for all shifts `s`: the ordering, and where numbers may stand.
+pub(super) struct Pattern<'a> {
     laplacian: &'a Laplacian,
     pointers: Vec<u32>,
     indices: Vec<u32>,
     symbolic: SymbolicCholesky<u32>,
-    values: Vec<f64>,
-    shift: f64,
 }
 
-impl<'a> ShiftedFactor<'a> {
-    /// Chooses the ordering; no numbers yet.
+impl<'a> Pattern<'a> {
     pub(super) fn new(laplacian: &'a Laplacian) -> Result<Self> {
         let n = laplacian.len();
         let mut pointers = Vec::with_capacity(n + 1);
@@ -60,16 +54,13 @@ impl<'a> ShiftedFactor<'a> {
             laplacian,
             pointers,
             indices,
-            values: vec![0.0; symbolic.len_val()],
             symbolic,
-            shift: 0.0,
         })
     }
 
-    /// Factorises `W − sA`; false when a pivot vanished.
-    pub(super) fn factorise(&mut self, shift: f64) -> bool {
+    /// Factor of `W − sA`; none when a pivot vanished or solves are inaccurate.
+    pub(super) fn factor(&self, shift: f64) -> Option<ShiftedFactor<'_>> {
         let n = self.laplacian.len();
-        self.shift = shift;
         let mut entries: Vec<f64> = Vec::with_capacity(self.indices.len());
         for (i, row) in self.laplacian.stiffness.outer_iterator().enumerate() {
             for (j, &w) in row.iter().filter(|&(j, _)| j <= i) {
@@ -85,9 +76,10 @@ impl<'a> ShiftedFactor<'a> {
         let scratch = self
             .symbolic
             .factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Spec::default());
+        let mut values = vec![0.0; self.symbolic.len_val()];
         self.symbolic
             .factorize_numeric_ldlt(
-                &mut self.values,
+                &mut values,
                 SparseColMatRef::new(pattern, &entries),
                 Side::Upper,
                 LdltRegularization::default(),
@@ -95,31 +87,55 @@ impl<'a> ShiftedFactor<'a> {
                 MemStack::new(&mut MemBuffer::new(scratch)),
                 Spec::default(),
             )
-            .is_ok()
+            .ok()?;
+        let factor = ShiftedFactor {
+            pattern: self,
+            values,
+            shift,
+        };
+        factor.is_accurate().then_some(factor)
+    }
+}
+
+/// Factor `LDLᵀ = P(W − sA)Pᵀ` for a shift `s` that may lie inside the spectrum.
+///
+/// `D` is diagonal and there is no pivoting for size: the matrices eliminated before the last few
+/// separators are those of small patches with fixed borders, whose spectra lie far above `s`. A
+/// shift that falls on the spectrum of a patch shows as an inaccurate solve.
+pub(super) struct ShiftedFactor<'a> {
+    pattern: &'a Pattern<'a>,
+    values: Vec<f64>,
+    shift: f64,
+}
+
+impl ShiftedFactor<'_> {
+    /// The factor of the same matrices with another shift; none where [`Pattern::factor`] has none.
+    pub(super) fn with_shift(&self, shift: f64) -> Option<Self> {
+        self.pattern.factor(shift)
     }
 
-    /// The shift `s` of the last factorisation.
+    /// The shift `s`.
     pub(super) fn shift(&self) -> f64 {
         self.shift
     }
 
     /// Whether a solve with a known answer is right: `(W − sA)⁻¹A·1 = −1/s`.
-    pub(super) fn is_accurate(&self) -> bool {
+    fn is_accurate(&self) -> bool {
         let ordering = self.ordering();
-        let mut x = Mat::from_fn(ordering.len(), 1, |i, _| {
-            self.laplacian.mass[ordering[i] as usize]
-        });
-        self.solve_in_place(x.as_mut(), &mut self.workspace(1));
-        let worst = (0..x.nrows())
-            .map(|i| (x[(i, 0)] * self.shift + 1.0).abs())
+        let mass = &self.pattern.laplacian.mass;
+        let mut x: Vec<[f64; 1]> = ordering.iter().map(|&v| [mass[v as usize]]).collect();
+        self.solve(&mut x);
+        let worst = x
+            .iter()
+            .map(|[x]| (x * self.shift + 1.0).abs())
             .try_fold(0.0, |m: f64, e| e.is_finite().then_some(m.max(e)));
         worst.is_some_and(|e| e < SOLVE_ACCURACY)
     }
 
     /// Row `i` of the factor belongs to vertex `ordering()[i]`.
     pub(super) fn ordering(&self) -> Vec<u32> {
-        self.symbolic.perm().map_or_else(
-            || (0..self.laplacian.len() as u32).collect(),
+        self.pattern.symbolic.perm().map_or_else(
+            || (0..self.pattern.laplacian.len() as u32).collect(),
             |p| p.arrays().0.to_vec(),
         )
     }
@@ -135,27 +151,115 @@ impl<'a> ShiftedFactor<'a> {
             .sum()
     }
 
-    /// Working memory for `solve_in_place` with so many columns.
-    pub(super) fn workspace(&self, columns: usize) -> MemBuffer {
-        MemBuffer::new(
-            self.numeric()
-                .symbolic()
-                .solve_in_place_scratch::<f64>(columns, Par::Seq),
-        )
-    }
-
-    /// `X ← (W − sA)⁻¹X`, rows in the factor's ordering.
-    pub(super) fn solve_in_place(&self, x: MatMut<'_, f64>, workspace: &mut MemBuffer) {
-        self.numeric()
-            .solve_in_place_with_conj(Conj::No, x, Par::Seq, MemStack::new(workspace));
+    /// `X ← (W − sA)⁻¹X`: a row for each vertex, in the factor's ordering.
+    pub(super) fn solve<const C: usize>(&self, x: &mut [[f64; C]]) {
+        let numeric = self.numeric();
+        let symbolic = numeric.symbolic();
+        vectorised(
+            #[inline(always)]
+            || {
+                for s in 0..symbolic.n_supernodes() {
+                    supernode(numeric, s).forward(x);
+                }
+                for s in (0..symbolic.n_supernodes()).rev() {
+                    supernode(numeric, s).backward(x);
+                }
+            },
+        );
     }
 
     fn numeric(&self) -> supernodal::SupernodalLdltRef<'_, u32, f64> {
-        match self.symbolic.raw() {
+        match self.pattern.symbolic.raw() {
             SymbolicCholeskyRaw::Supernodal(s) => {
                 supernodal::SupernodalLdltRef::new(s, &self.values)
             }
             SymbolicCholeskyRaw::Simplicial(_) => unreachable!("a supernodal factor was asked for"),
         }
+    }
+}
+
+#[inline(always)]
+fn supernode(numeric: supernodal::SupernodalLdltRef<'_, u32, f64>, s: usize) -> Supernode<'_> {
+    let symbolic = numeric.symbolic();
+    let first = symbolic.supernode_begin()[s] as usize;
+    let pointers = symbolic.col_ptr_for_val();
+    Supernode {
+        first,
+        columns: symbolic.supernode_end()[s] as usize - first,
+        below: symbolic.supernode(s).pattern(),
+        values: &numeric.values()[pointers[s] as usize..pointers[s + 1] as usize],
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::mesh::Mesh;
+
+    /// An uneven sheet; its factor has supernodes of one column and of many.
+    fn laplacian() -> Laplacian {
+        let side = 24;
+        let at = |i: usize| (i / side, i % side);
+        let vertices: Vec<[f64; 3]> = (0..side * side)
+            .map(|i| [at(i).0 as f64, at(i).1 as f64, (0.3 * i as f64).sin()])
+            .collect();
+        let faces: Vec<[i64; 3]> = (0..side * side)
+            .filter(|&i| at(i).0 + 1 < side && at(i).1 + 1 < side)
+            .flat_map(|i| {
+                let [a, b, c, d] = [i, i + 1, i + side, i + side + 1].map(|v| v as i64);
+                [[a, c, b], [b, c, d]]
+            })
+            .collect();
+        Laplacian::new(&Mesh::new(&vertices, &faces).unwrap()).unwrap()
+    }
+
+    /// Right-hand sides come back, whatever their number and the sign of the shifted matrix.
+    fn assert_solves<const C: usize>(laplacian: &Laplacian, shift: f64) {
+        let pattern = Pattern::new(laplacian).unwrap();
+        let factor = pattern.factor(shift).unwrap();
+        let ordering = factor.ordering();
+        let n = ordering.len();
+        let right: Vec<[f64; C]> = (0..n)
+            .map(|i| std::array::from_fn(|c| ((i * (c + 2)) as f64).cos()))
+            .collect();
+        let mut solved = right.clone();
+        factor.solve(&mut solved);
+        let mut place = vec![0; n];
+        for (i, &v) in ordering.iter().enumerate() {
+            place[v as usize] = i;
+        }
+        for (v, row) in laplacian.stiffness.outer_iterator().enumerate() {
+            for c in 0..C {
+                let own = shift * laplacian.mass[v] * solved[place[v]][c];
+                let product: f64 = row.iter().map(|(j, w)| w * solved[place[j]][c]).sum();
+                let size: f64 = row
+                    .iter()
+                    .map(|(j, w)| (w * solved[place[j]][c]).abs())
+                    .sum();
+                // Rounding, times the growth of a factor without pivoting.
+                let expected = right[place[v]][c];
+                assert!((product - own - expected).abs() < 1e-9 * (size + own.abs() + 1.0));
+            }
+        }
+    }
+
+    #[test]
+    fn solves_with_positive_and_indefinite_matrices() {
+        let laplacian = laplacian();
+        for shift in [-1.0, 0.37, 61.3, 500.0] {
+            assert_solves::<1>(&laplacian, shift);
+            assert_solves::<4>(&laplacian, shift);
+        }
+    }
+
+    /// All eigenvalues are below a shift beyond the largest, none below a negative one.
+    #[test]
+    fn counts_eigenvalues_below_the_shift() {
+        let laplacian = laplacian();
+        let pattern = Pattern::new(&laplacian).unwrap();
+        assert_eq!(pattern.factor(-1.0).unwrap().eigenvalues_below(), 0);
+        assert_eq!(pattern.factor(1e-6).unwrap().eigenvalues_below(), 1);
+        let beyond = pattern.factor(1e7).unwrap();
+        assert_eq!(beyond.eigenvalues_below(), laplacian.len());
     }
 }
