@@ -12,9 +12,9 @@ use crate::vector::{self, Point};
 
 /// Samples whose distances are compared.
 const WITNESSES: usize = 80;
-/// Distance at unit area from which on a sample says nothing; its weight (1 − d²/h²)⁹ has fallen to 1/e at
-/// a third of that.
-const HORIZON: f32 = 0.75;
+/// Distance at unit area from which on a sample says nothing; its weight (1 − d²/h²)⁴ has fallen to 1/e at
+/// half of that.
+const HORIZON: f32 = 0.5;
 /// Keeps the weights' sum above zero.
 const WEIGHT_FLOOR: f32 = 1e-6;
 /// Vertices that are treated at once.
@@ -111,7 +111,7 @@ fn add_changes(sums: &mut [(f32, f32)], here: &[f32], lengths: f32, there: &[f32
         let here = (lengths * here).min(HORIZON);
         let change = (here - there[image as usize].min(HORIZON)).abs();
         let nearness = 1.0 - (here / HORIZON).powi(2);
-        let weight = nearness.powi(8) * nearness;
+        let weight = nearness.powi(4);
         *sum += weight * change;
         *total += weight;
     }
