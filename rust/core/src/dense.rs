@@ -79,37 +79,64 @@ pub fn sum_of_lanes(lanes: [f32; LANES]) -> f32 {
     (halves[0] + halves[2]) + (halves[1] + halves[3])
 }
 
-/// Σ aᵢbᵢᵀ over the rows of both, `(a.dims, b.dims)`, summed in single precision.
+/// Coordinates of a point that are compared at once; rows of so many, or a multiple, are compared fastest.
+pub const COMPARED: usize = 2 * LANES;
+
+/// ‖a − b‖², or anything above `limit` once it exceeds that.
 #[must_use]
-pub fn sum_of_products(a: &Rows, b: &Rows) -> Mat<f64> {
-    let mut sum = Mat::<f32>::zeros(a.dims, b.dims);
+#[inline(always)]
+pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
+    let (x, y) = (a.chunks_exact(COMPARED), b.chunks_exact(COMPARED));
+    let rest = x.remainder().iter().zip(y.remainder());
+    let mut sum = rest.map(|(p, q)| (p - q) * (p - q)).sum();
+    for (x, y) in x.zip(y) {
+        let mut lanes = [0.0; LANES];
+        for (p, q) in x.chunks_exact(LANES).zip(y.chunks_exact(LANES)) {
+            for l in 0..LANES {
+                let d = p[l] - q[l];
+                lanes[l] += d * d;
+            }
+        }
+        sum += sum_of_lanes(lanes);
+        if sum > limit {
+            return sum;
+        }
+    }
+    sum
+}
+
+/// Σ aᵢbᵢᵀ over the columns of both, summed in single precision.
+#[must_use]
+pub fn sum_of_products(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f64> {
+    let mut sum = Mat::<f32>::zeros(a.nrows(), b.nrows());
     matmul(
         sum.as_mut(),
         Accum::Replace,
-        a.as_columns(),
-        b.as_columns().transpose(),
+        a,
+        b.transpose(),
         1.0,
         Par::Seq,
     );
-    Mat::from_fn(a.dims, b.dims, |i, j| f64::from(sum[(i, j)]))
+    Mat::from_fn(a.nrows(), b.nrows(), |i, j| f64::from(sum[(i, j)]))
 }
 
-/// Σ aᵢaᵢᵀ over the rows, `(a.dims, a.dims)`, summed in single precision; only the lower half.
+/// Σ aᵢaᵢᵀ over the columns, summed in single precision; only the lower half.
 #[must_use]
-pub fn gram(a: &Rows) -> Mat<f64> {
-    let mut sum = Mat::<f32>::zeros(a.dims, a.dims);
+pub fn gram(a: MatRef<'_, f32>) -> Mat<f64> {
+    let k = a.nrows();
+    let mut sum = Mat::<f32>::zeros(k, k);
     triangular::matmul(
         sum.as_mut(),
         BlockStructure::TriangularLower,
         Accum::Replace,
-        a.as_columns(),
+        a,
         BlockStructure::Rectangular,
-        a.as_columns().transpose(),
+        a.transpose(),
         BlockStructure::Rectangular,
         1.0,
         Par::Seq,
     );
-    Mat::from_fn(a.dims, a.dims, |i, j| f64::from(sum[(i, j)]))
+    Mat::from_fn(k, k, |i, j| f64::from(sum[(i, j)]))
 }
 
 /// Points in a feature space, one contiguous single-precision row a point.

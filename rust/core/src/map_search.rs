@@ -8,7 +8,7 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatRef, Par, Side};
 use rayon::prelude::*;
 
-use crate::dense::{self, LANES};
+use crate::dense::{self, LANES, squared_distance, vectorised};
 use crate::distance_operator;
 use crate::error::{Error, Result};
 use crate::hints::Which;
@@ -107,7 +107,7 @@ pub struct Candidate {
     pub on_target: Vec<u32>,
     /// Geodesic distortion times the root of the descriptor mismatch.
     pub energy: f64,
-    /// Orientation score, negative for a mirrored map.
+    /// Orientation score, negative for a mirrored map; 1 where there are too few eigenfunctions to tell.
     pub orientation: f64,
     /// Energy raised where the orientation is doubtful: by this the beam is ordered.
     pub rank: f64,
@@ -161,9 +161,7 @@ impl<'a> SampledPair<'a> {
     /// [`Error::Cancelled`]; [`Error::NoMap`] when no seed gives a finite energy.
     pub fn search(&self, progress: &Progress) -> Result<Vec<Candidate>> {
         let width = self.width;
-        let largest = CANDIDATE_SIZE
-            .min(self.side_source.basis.ncols())
-            .min(self.side_target.basis.ncols());
+        let largest = self.largest();
         let first = SEED_SIZE.min(largest);
         let mut seeds = self.sign_seeds(first);
         seeds.extend(self.scaling_seeds(first));
@@ -200,6 +198,13 @@ impl<'a> SampledPair<'a> {
             });
         }
         Ok(beam)
+    }
+
+    /// Eigenfunctions of the finished candidates.
+    fn largest(&self) -> usize {
+        CANDIDATE_SIZE
+            .min(self.side_source.basis.ncols())
+            .min(self.side_target.basis.ncols())
     }
 
     /// The best sign patterns as candidates.
@@ -295,14 +300,16 @@ impl<'a> SampledPair<'a> {
         let ks = matrix.nrows();
         let (on_source, on_target) = self.images(matrix.as_ref());
         let energy = self.energy(&on_source, &on_target);
-        let measured = orientation(
-            &self.side_target.gradients,
-            &self.side_source.gradients,
-            matrix.as_ref(),
-            on_source.iter().enumerate().map(|(i, &j)| (i, j as usize)),
-            ORIENTATION_FUNCTIONS,
-        );
-        let orientation = if self.pair.uses(Part::Orientation) {
+        let is_oriented = ks >= ORIENTED_FROM.min(self.largest());
+        let orientation = if self.pair.uses(Part::Orientation) && is_oriented {
+            let pairs = on_source.iter().enumerate();
+            let measured = orientation(
+                &self.side_target.gradients,
+                &self.side_source.gradients,
+                matrix.as_ref(),
+                pairs.map(|(i, &j)| (i, j as usize)),
+                ORIENTATION_FUNCTIONS,
+            );
             self.wanted_sign() * measured
         } else {
             1.0
@@ -482,16 +489,18 @@ impl Sampled {
             basis.as_ref(),
         );
         let waves = mine.dims - 1;
+        let wave_distance = |a: &[f32], b: &[f32]| {
+            vectorised(
+                #[inline(always)]
+                || squared_distance(&a[..waves], &b[..waves], f32::INFINITY),
+            )
+        };
         let mut fixed = Mat::zeros(mine.count(), theirs.count());
         let mut mismatch = Mat::zeros(mine.count(), theirs.count());
         for j in 0..theirs.count() {
             for i in 0..mine.count() {
                 let (a, b) = (mine.row(i), theirs.row(j));
-                let wave: f32 = a[..waves]
-                    .iter()
-                    .zip(&b[..waves])
-                    .map(|(x, y)| (x - y) * (x - y))
-                    .sum();
+                let wave = wave_distance(a, b);
                 let bend = a[waves] - b[waves];
                 let hinted: f32 = known
                     .col_as_slice(i)

@@ -110,6 +110,45 @@ impl Adjacency {
     }
 }
 
+/// For each vertex the number of the nearest of some `centres`, by edges; the first of them where several are as near or
+/// none is connected.
+pub(crate) fn cells(neighbours: &Adjacency, centres: &[u32]) -> Vec<u32> {
+    const NONE: u32 = u32::MAX;
+    let mut cell = vec![NONE; neighbours.starts.len() - 1];
+    let mut reached = centres.to_vec();
+    for (number, &v) in centres.iter().enumerate() {
+        cell[v as usize] = number as u32;
+    }
+    let mut next = 0;
+    while next < reached.len() {
+        let v = reached[next];
+        for &u in neighbours.row(v as usize) {
+            if cell[u as usize] == NONE {
+                cell[u as usize] = cell[v as usize];
+                reached.push(u);
+            }
+        }
+        next += 1;
+    }
+    cell.into_iter()
+        .map(|c| if c == NONE { 0 } else { c })
+        .collect()
+}
+
+/// Which of `count` [cells] touch one another.
+pub(crate) fn between_cells(neighbours: &Adjacency, cell: &[u32], count: usize) -> Adjacency {
+    let across = |v: usize| {
+        let others = neighbours.row(v).iter().map(|&u| cell[u as usize]);
+        others
+            .filter(move |&other| other != cell[v])
+            .map(move |other| (cell[v], other))
+    };
+    let mut touching: Vec<(u32, u32)> = (0..cell.len()).flat_map(across).collect();
+    touching.sort_unstable();
+    touching.dedup();
+    Adjacency::from_lists(count, touching.into_iter())
+}
+
 impl Mesh {
     /// Checks and cleans a triangle mesh.
     ///

@@ -2,16 +2,18 @@
 
 use rayon::prelude::*;
 
-use crate::dense::{LANES, Rows, sum_of_lanes, vectorised};
+use crate::dense::{LANES, Rows, squared_distance, sum_of_lanes, vectorised};
 use crate::error::Result;
 use crate::full_resolution::FullResolution;
 use crate::progress::Check;
-use crate::refinement::propagation::squared_distance;
 use crate::shape::Shape;
 use crate::vector::{self, Point};
 
 /// Triangles around the nearest vertex and this many of its nearest neighbours are tried.
-const NEIGHBOURS_TRIED: usize = 3;
+const NEIGHBOURS_TRIED: usize = 1;
+
+/// Triangles whose products one thread works out at once.
+const FACES_AT_ONCE: usize = 512;
 
 /// A point of a surface.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -40,6 +42,121 @@ impl SurfacePoint {
     }
 }
 
+/// The triangles of a shape in an embedding, with the inner products that all questions share.
+pub struct EmbeddedTriangles<'a> {
+    shape: &'a Shape,
+    /// A row a vertex.
+    rows: &'a Rows,
+    /// ⟨b − a, b − a⟩, ⟨b − a, c − a⟩, ⟨c − a, c − a⟩ of each triangle (a, b, c).
+    sides: Vec<[f64; 3]>,
+}
+
+impl<'a> EmbeddedTriangles<'a> {
+    /// The triangles of a shape whose vertices lie at `rows`.
+    #[must_use]
+    pub fn new(shape: &'a Shape, rows: &'a Rows) -> Self {
+        let faces = &shape.mesh.faces;
+        let sides = faces.par_chunks(FACES_AT_ONCE).flat_map_iter(|faces| {
+            vectorised(
+                #[inline(always)]
+                || {
+                    let sides = |corners: &[u32; 3]| {
+                        let [a, b, c] = corners.map(|v| rows.row(v as usize));
+                        [(b, b), (b, c), (c, c)].map(|(x, y)| product_from(a, x, y))
+                    };
+                    faces.iter().map(sides).collect::<Vec<_>>()
+                },
+            )
+        });
+        Self {
+            shape,
+            rows,
+            sides: sides.collect(),
+        }
+    }
+
+    /// Nearest point of the triangles around a vertex and its nearest neighbours.
+    #[must_use]
+    pub fn nearest_around(&self, vertex: u32, query: &[f32]) -> SurfacePoint {
+        vectorised(
+            #[inline(always)]
+            || self.nearest_in_lanes(vertex, query),
+        )
+    }
+
+    #[inline(always)]
+    fn nearest_in_lanes(&self, vertex: u32, query: &[f32]) -> SurfacePoint {
+        let Self { shape, rows, .. } = self;
+        let squared_distance_to =
+            |v: u32| f64::from(squared_distance(query, rows.row(v as usize), f32::INFINITY));
+        let around = shape.neighbours.row(vertex as usize);
+        let mut known: Vec<(f64, u32)> = Vec::with_capacity(4 * around.len());
+        known.extend(around.iter().map(|&v| (squared_distance_to(v), v)));
+        known.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let mut faces: Vec<u32> = known[..NEIGHBOURS_TRIED.min(known.len())]
+            .iter()
+            .flat_map(|&(_, v)| shape.vertex_faces.row(v as usize))
+            .chain(shape.vertex_faces.row(vertex as usize))
+            .copied()
+            .collect();
+        faces.sort_unstable();
+        faces.dedup();
+        known.push((squared_distance_to(vertex), vertex));
+        let mut best = Closest::NONE;
+        for face in faces {
+            let corners = shape.mesh.faces[face as usize];
+            let [a, b, c] = corners.map(|v| {
+                let found = known.iter().find(|&&(_, u)| u == v).map(|known| known.0);
+                found.unwrap_or_else(|| {
+                    let distance = squared_distance_to(v);
+                    known.push((distance, v));
+                    distance
+                })
+            });
+            best.try_triangle(face, self.sides[face as usize], [a, b - a, c - a]);
+        }
+        best.point
+    }
+}
+
+/// The closest point so far.
+struct Closest {
+    /// Its squared distance.
+    cost: f64,
+    point: SurfacePoint,
+}
+
+impl Closest {
+    const NONE: Self = Self {
+        cost: f64::INFINITY,
+        point: SurfacePoint {
+            face: 0,
+            weights: [1.0, 0.0, 0.0],
+        },
+    };
+
+    /// Tries a triangle (a, b, c) with the given [sides](EmbeddedTriangles::sides), from ‖a − q‖² and how much
+    /// larger ‖b − q‖² and ‖c − q‖² are.
+    #[inline(always)]
+    fn try_triangle(
+        &mut self,
+        face: u32,
+        [uu, uv, vv]: [f64; 3],
+        [to_a, more_to_b, more_to_c]: [f64; 3],
+    ) {
+        // ⟨b − a, q − a⟩ by the law of cosines; likewise for c.
+        let uq = f64::midpoint(uu, -more_to_b);
+        let vq = f64::midpoint(vv, -more_to_c);
+        let (cost, weights) = closest_weights(uu, uv, vv, uq, vq, to_a);
+        if cost < self.cost {
+            *self = Self {
+                cost,
+                point: SurfacePoint { face, weights },
+            };
+        }
+    }
+}
+
 /// Nearest point of the source's triangles in the common embedding, for each target row.
 ///
 /// `images` is the nearest source vertex of each target vertex.
@@ -48,9 +165,8 @@ impl SurfacePoint {
 /// [`crate::Error::Cancelled`].
 pub fn projected(
     target: &Rows,
-    source: &Rows,
+    source: &EmbeddedTriangles<'_>,
     images: &[u32],
-    shape: &Shape,
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
     images
@@ -58,10 +174,7 @@ pub fn projected(
         .enumerate()
         .map(|(i, &image)| {
             check()?;
-            Ok(vectorised(
-                #[inline(always)]
-                || project(target.row(i), source, image, shape),
-            ))
+            Ok(source.nearest_around(image, target.row(i)))
         })
         .collect()
 }
@@ -77,19 +190,10 @@ pub fn projected(
 /// [`crate::Error::Cancelled`].
 pub fn projected_at_full_resolution(
     (target, target_rows, full): (&Shape, &Rows, &FullResolution),
-    (source, source_rows): (&Shape, &Rows),
+    source: &EmbeddedTriangles<'_>,
     images: &[u32],
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
-    let sides: Vec<[f64; 3]> = source
-        .mesh
-        .faces
-        .par_iter()
-        .map(|corners| {
-            let [a, b, c] = corners.map(|v| source_rows.row(v as usize));
-            [(b, b), (b, c), (c, c)].map(|(x, y)| product_from(a, x, y))
-        })
-        .collect();
     let found: Vec<Vec<(u32, SurfacePoint)>> = (0..target.mesh.faces.len() as u32)
         .into_par_iter()
         .map(|face| {
@@ -105,18 +209,13 @@ pub fn projected_at_full_resolution(
                     NearFaces::new(
                         corners.map(|v| target_rows.row(v as usize)),
                         corners.map(|v| images[v as usize]),
-                        (source, source_rows),
+                        source,
                     )
                 },
             );
             Ok(asking
                 .iter()
-                .map(|&v| {
-                    (
-                        v,
-                        near.closest(full.points[v as usize].weights, &sides, source),
-                    )
-                })
+                .map(|&v| (v, near.closest(full.points[v as usize].weights, source)))
                 .collect())
         })
         .collect::<Result<_>>()?;
@@ -144,7 +243,12 @@ struct NearFaces {
 
 impl NearFaces {
     #[inline(always)]
-    fn new(corners: [&[f32]; 3], images: [u32; 3], (source, rows): (&Shape, &Rows)) -> Self {
+    fn new(corners: [&[f32]; 3], images: [u32; 3], source: &EmbeddedTriangles<'_>) -> Self {
+        let EmbeddedTriangles {
+            shape: source,
+            rows,
+            ..
+        } = source;
         let mut faces: Vec<u32> = Vec::with_capacity(96);
         for (i, &image) in images.iter().enumerate() {
             if images[..i].contains(&image) {
@@ -180,33 +284,25 @@ impl NearFaces {
     }
 
     /// Closest point of the faces to the point of the target face with these weights.
-    fn closest(&self, [_, w1, w2]: [f64; 3], sides: &[[f64; 3]], source: &Shape) -> SurfacePoint {
+    fn closest(&self, [_, w1, w2]: [f64; 3], source: &EmbeddedTriangles<'_>) -> SurfacePoint {
         let [e11, e12, e22] = self.own;
         let square = w1 * w1 * e11 + 2.0 * w1 * w2 * e12 + w2 * w2 * e22;
-        let mut best = (
-            f64::INFINITY,
-            SurfacePoint {
-                face: 0,
-                weights: [1.0, 0.0, 0.0],
-            },
-        );
+        let mut best = Closest::NONE;
         for &face in &self.faces {
-            let [a, b, c] = source.mesh.faces[face as usize].map(|v| {
+            // ⟨v − t₀, q − t₀⟩ and ‖v − t₀‖² of each corner.
+            let [a, b, c] = source.shape.mesh.faces[face as usize].map(|v| {
                 let at = self.vertices.partition_point(|&u| u < v);
                 let [along1, along2, square] = self.products[at];
                 (w1 * along1 + w2 * along2, square)
             });
-            let [uu, uv, vv] = sides[face as usize];
-            // ⟨b − a, q − a⟩ with ⟨a, b⟩ from the law of cosines; likewise for c.
-            let uq = b.0 - a.0 + f64::midpoint(a.1 - b.1, uu);
-            let vq = c.0 - a.0 + f64::midpoint(a.1 - c.1, vv);
-            let qq = square - 2.0 * a.0 + a.1;
-            let (cost, weights) = closest_weights(uu, uv, vv, uq, vq, qq);
-            if cost < best.0 {
-                best = (cost, SurfacePoint { face, weights });
-            }
+            let more = |v: (f64, f64)| v.1 - a.1 - 2.0 * (v.0 - a.0);
+            best.try_triangle(
+                face,
+                source.sides[face as usize],
+                [square - 2.0 * a.0 + a.1, more(b), more(c)],
+            );
         }
-        best.1
+        best.point
     }
 }
 
@@ -228,64 +324,6 @@ fn product_from(o: &[f32], x: &[f32], y: &[f32]) -> f64 {
         .map(|i| (x[i] - o[i]) * (y[i] - o[i]))
         .sum();
     f64::from(sum_of_lanes(lanes) + rest)
-}
-
-/// Nearest point of the triangles around a source vertex and its nearest neighbours.
-#[inline(always)]
-#[must_use]
-pub fn project(query: &[f32], source: &Rows, image: u32, shape: &Shape) -> SurfacePoint {
-    let mut near: Vec<(f32, u32)> = shape
-        .neighbours
-        .row(image as usize)
-        .iter()
-        .map(|&v| {
-            (
-                squared_distance(query, source.row(v as usize), f32::INFINITY),
-                v,
-            )
-        })
-        .collect();
-    near.sort_by(|a, b| a.0.total_cmp(&b.0));
-    near.truncate(NEIGHBOURS_TRIED);
-    near.insert(0, (0.0, image));
-    let mut faces: Vec<u32> = near
-        .iter()
-        .flat_map(|&(_, v)| shape.vertex_faces.row(v as usize))
-        .copied()
-        .collect();
-    faces.sort_unstable();
-    faces.dedup();
-    let mut best = (
-        f64::INFINITY,
-        SurfacePoint {
-            face: 0,
-            weights: [1.0, 0.0, 0.0],
-        },
-    );
-    for face in faces {
-        let corners = shape.mesh.faces[face as usize].map(|v| source.row(v as usize));
-        let (cost, weights) = closest_in_triangle(query, corners);
-        if cost < best.0 {
-            best = (cost, SurfacePoint { face, weights });
-        }
-    }
-    best.1
-}
-
-/// Squared distance from a query to a triangle in any dimension, and the barycentric weights of
-/// the closest point.
-#[inline(always)]
-fn closest_in_triangle(query: &[f32], [a, b, c]: [&[f32]; 3]) -> (f64, [f64; 3]) {
-    let [uu, uv, vv, uq, vq, qq] = [
-        (b, b),
-        (b, c),
-        (c, c),
-        (b, query),
-        (c, query),
-        (query, query),
-    ]
-    .map(|(x, y)| product_from(a, x, y));
-    closest_weights(uu, uv, vv, uq, vq, qq)
 }
 
 /// Squared distance to a triangle, and the weights of its nearest point.
@@ -331,4 +369,52 @@ fn closest_weights(uu: f64, uv: f64, vv: f64, uq: f64, vq: f64, qq: f64) -> (f64
         .into_iter()
         .min_by(|x, y| x.0.total_cmp(&y.0))
         .expect("three edges")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{RINGS, torus};
+
+    #[test]
+    fn the_nearest_point_of_triangles_is_that_of_the_three_dimensional_formula() {
+        let shape = torus(RINGS);
+        // Space within more dimensions, as many as need whole and broken registers.
+        let mut rows = Rows::zeros(shape.mass.len(), 21);
+        for (v, place) in shape.mesh.vertices.iter().enumerate() {
+            for (c, x) in place.iter().enumerate() {
+                rows.row_mut(v)[7 * c] = *x as f32;
+            }
+        }
+        let triangles = EmbeddedTriangles::new(&shape, &rows);
+        for v in (0..shape.mass.len() as u32).step_by(7) {
+            // Over a face of the vertex, off the surface, and nearest to that vertex.
+            let face = shape.vertex_faces.row(v as usize)[0];
+            let corners = shape.mesh.faces[face as usize];
+            let weights = corners.map(|u| if u == v { 0.6 } else { 0.2 });
+            let at = |u: u32| shape.mesh.vertices[u as usize];
+            let mut query = vector::scaled(shape.normals[v as usize], 0.01);
+            for (&u, w) in corners.iter().zip(weights) {
+                query = vector::add(query, vector::scaled(at(u), w));
+            }
+            let mut row = vec![0.0; 21];
+            for (c, x) in query.iter().enumerate() {
+                row[7 * c] = *x as f32;
+            }
+            let found = triangles.nearest_around(v, &row);
+            let cost_of =
+                |face: u32| nearest_in_triangle(query, shape.mesh.faces[face as usize].map(at)).0;
+            let around = shape.vertex_faces.row(v as usize).iter();
+            let least = around.map(|&f| cost_of(f)).fold(f64::INFINITY, f64::min);
+            let mut point = [0.0; 3];
+            for (&u, w) in shape.mesh.faces[found.face as usize]
+                .iter()
+                .zip(found.weights)
+            {
+                point = vector::add(point, vector::scaled(at(u), w));
+            }
+            // Squares of lengths up to 0.1 in single precision.
+            assert!(vector::distance(point, query).powi(2) < least + 1e-7);
+        }
+    }
 }

@@ -19,6 +19,8 @@ use crate::vector;
 
 /// Candidates that are upsampled and scored.
 const SCORED: usize = 12;
+/// Eigenfunctions of a candidate's map after its short refinement.
+const REFINED_SIZE: usize = 120;
 /// Candidates that take part in the vote.
 const VOTERS: usize = 8;
 /// How far behind the best a candidate may be to be scored, by rank, and to vote, by score.
@@ -137,7 +139,7 @@ impl Figures {
 /// A map that may be the right one, before its final refinement.
 #[derive(Debug, Clone)]
 pub struct Hypothesis {
-    /// `(60, 60)` map, target coefficients → source coefficients.
+    /// Map of up to 120 eigenfunctions, target coefficients → source coefficients.
     pub matrix: Mat<f64>,
     /// Its figures in the vote.
     pub figures: Figures,
@@ -436,7 +438,7 @@ fn judged(
     let mut figures = figures(pair, scored.matrix.as_ref(), &on_source, &on_target);
     figures.contradiction = scored.contradiction + off_symmetry(pair, &on_source);
     Ok(Hypothesis {
-        matrix: scored.matrix.clone(),
+        matrix: state.low_map(REFINED_SIZE)?,
         figures,
         shares: pair.shares,
         in_place: false,

@@ -13,7 +13,7 @@ use crate::error::Result;
 use crate::full_resolution::FullSpectrum;
 use crate::hints::Hints;
 use crate::pair::Shares;
-use crate::pointwise_map::{self, SurfacePoint};
+use crate::pointwise_map::{self, EmbeddedTriangles, SurfacePoint};
 use crate::progress::{Check, Progress};
 use crate::selection::{Figures, Hypothesis};
 use crate::shape::Shape;
@@ -159,14 +159,15 @@ fn located(
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
     let full = target.full.as_ref();
+    let triangles = EmbeddedTriangles::new(source, source_rows);
     let mut points = match full {
         Some(full) => pointwise_map::projected_at_full_resolution(
             (target, target_rows, full),
-            (source, source_rows),
+            &triangles,
             images,
             check,
         ),
-        None => pointwise_map::projected(target_rows, source_rows, images, source, check),
+        None => pointwise_map::projected(target_rows, &triangles, images, check),
     }?;
     for &(known, asking) in landmarks {
         let vertex = full.map_or(asking, |f| f.kept[asking as usize]);
@@ -190,9 +191,10 @@ fn functional_map(
     let k = |s: &Shape| FUNCTIONAL_MAP_SIZE.min(s.basis.values.len());
     let (kt, ks) = (k(target), k(source));
     let rows = |basis: MatRef<'_, f64>, weights: &[f64], ids: Option<&[u32]>, count: usize| {
+        let roots: Vec<f64> = weights.iter().map(|w| w.sqrt()).collect();
         Mat::from_fn(count, basis.ncols(), |i, j| {
             let id = ids.map_or(i, |ids| ids[i] as usize);
-            weights[i].sqrt() * basis[(id, j)]
+            roots[i] * basis[(id, j)]
         })
     };
     let (nt, ns) = (on_source.len(), on_target.len());

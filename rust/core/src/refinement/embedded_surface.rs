@@ -23,7 +23,7 @@ use crate::pair::{Mirror, Pair, Part};
 use crate::progress::Check;
 use crate::refinement::coinciding::{COINCIDENT, Coinciding, STRAY, coinciding};
 use crate::refinement::covered::Piece;
-use crate::refinement::propagation::{Images, SWEEPS_TO_REST};
+use crate::refinement::propagation::Images;
 use crate::refinement::regions;
 use crate::refinement::relative_length::relative_length;
 use crate::refinement::rigid_surface::RigidSurface;
@@ -72,6 +72,9 @@ const AT_REST: f64 = 0.015;
 const CLIMB: &[usize] = &[60, 80, 100, 120];
 /// Those of the second way before it climbs.
 const DETOUR: &[usize] = &[15, 20, 30, 40, 15, 20, 30, 40];
+/// Vertices that ask on the second way for all of a shape: with those of the other some 27 equations for each of 120
+/// eigenfunctions. On the first way and the second climb as few save nothing, since their images are spread again.
+const ASKING_ON_DETOUR: usize = 1_600;
 /// What surfaces are low-passed to at least, so that a limb is no line, which has no sides. The first way's
 /// climb keeps a gorilla's leg from being twisted by doing without.
 const DETAIL: usize = 100;
@@ -92,8 +95,8 @@ pub struct Schedule {
 /// The full schedule: two ways, 60 to 150 eigenfunctions in equal ratios, then on the whole surface.
 pub const FULL: Schedule = Schedule {
     two_ways: true,
-    sizes: &[60, 70, 81, 95, 111, 129, 150],
-    rigid_sizes: &[60, 90, 120, 150, 150, 150, 150, 150],
+    sizes: &[60, 75, 95, 120, 150],
+    rigid_sizes: &[80, 120, 150, 150, 150, 150, 150],
     drawn: None,
 };
 
@@ -384,11 +387,7 @@ impl<'a> Refined<'a> {
                 Ok(low.to_owned())
             }
             Which::Source => Ok(fitted(
-                &self.moving,
-                [
-                    &self.still.own_rows(k_still),
-                    &self.moving.own_rows(k_moving),
-                ],
+                [(&self.still, k_still), (&self.moving, k_moving)],
                 [
                     &self.still.at_images(&self.moving, k_moving),
                     &self.moving.at_images(&self.still, k_still),
@@ -424,9 +423,13 @@ impl<'a> Refined<'a> {
         detour: bool,
         report: &(dyn Fn(usize) -> Result<()> + Sync),
     ) -> Result<()> {
-        let mut other = detour.then(|| self.clone());
-        let (straight, around) = rayon::join(
-            || self.climb(CLIMB, 0, report),
+        // What is given climbs on from where it stands.
+        let given = self.target().rows.dims;
+        let climbed = CLIMB.partition_point(|&k| k <= given);
+        let straight = &CLIMB[climbed.min(CLIMB.len() - 1)..];
+        let mut other = detour.then(|| self.thinned(ASKING_ON_DETOUR));
+        let (climbed, came_around) = rayon::join(
+            || self.climb(straight, 0, report),
             || {
                 other.as_mut().map_or(Ok(()), |other| {
                     other.climb(DETOUR, DETAIL, &|_| report(0))?;
@@ -434,11 +437,40 @@ impl<'a> Refined<'a> {
                 })
             },
         );
-        straight.and(around)?;
+        climbed.and(came_around)?;
         if let Some(other) = other {
-            self.adopt_better_regions(&other);
+            let others = other.images_of_all(self, &|| report(CLIMB.len()))?;
+            self.adopt_better_regions(&others);
         }
         Ok(())
+    }
+
+    /// The same where only some vertices of each shape ask for all.
+    fn thinned(&self, count: usize) -> Self {
+        Self {
+            moving: self.moving.thinned(count),
+            still: self.still.thinned(count),
+            moving_is: self.moving_is,
+            deformed: self.deformed.clone(),
+            matrix: self.matrix.clone(),
+            shared: self.shared.clone(),
+            lengths: self.lengths,
+        }
+    }
+
+    /// Images of all the moving shape's vertices and of all the other's, of which these were asked for.
+    fn images_of_all(&self, all: &Self, check: Check<'_>) -> Result<[Vec<u32>; 2]> {
+        let (moving, still) = rayon::join(
+            || {
+                let all = &all.moving;
+                self.moving.images_of_all(all, &self.still, SWEEPS, check)
+            },
+            || {
+                let all = &all.still;
+                self.still.images_of_all(all, &self.moving, SWEEPS, check)
+            },
+        );
+        Ok([moving?, still?])
     }
 
     fn climb(
@@ -454,24 +486,24 @@ impl<'a> Refined<'a> {
         Ok(())
     }
 
-    /// Takes over the images of another refinement of this pair where they are better, and those of the
-    /// other shape's vertices that lie there on either map.
-    fn adopt_better_regions(&mut self, other: &Self) {
-        let (own, others) = (&mut self.moving.images.vertex, &other.moving.images.vertex);
+    /// Takes over the images that another refinement of this pair gave the moving shape where they are better, and
+    /// those that it gave the other's vertices that lie there on either map.
+    fn adopt_better_regions(&mut self, [on_still, on_moving]: &[Vec<u32>; 2]) {
+        let own = &mut self.moving.images.vertex;
         let better = regions::better_elsewhere(
             self.moving.shape,
             self.still.shape,
             self.lengths,
             own,
-            others,
+            on_still,
         );
-        for ((image, &there), &better) in own.iter_mut().zip(others).zip(&better) {
+        for ((image, &there), &better) in own.iter_mut().zip(on_still).zip(&better) {
             if better {
                 *image = there;
             }
         }
-        let (own, others) = (&mut self.still.images.vertex, &other.still.images.vertex);
-        for (image, &there) in own.iter_mut().zip(others) {
+        let own = &mut self.still.images.vertex;
+        for (image, &there) in own.iter_mut().zip(on_moving) {
             if better[*image as usize] || better[there as usize] {
                 *image = there;
             }
@@ -622,10 +654,8 @@ impl<'a> Refined<'a> {
 
     /// √w times k eigenfunctions, or fewer of a part, at the images of the moving shape and of the other, for the
     /// fits.
-    fn at_images(&mut self, k: usize) -> [Rows; 2] {
+    fn at_images(&self, k: usize) -> [Rows; 2] {
         let [k_moving, k_still] = self.sizes(k);
-        let (m, s) = (&mut self.moving, &mut self.still);
-        rayon::join(|| m.weigh(k_moving), || s.weigh(k_still));
         let (m, s) = (&self.moving, &self.still);
         let (asked, answered) =
             rayon::join(|| m.at_images(s, k_still), || s.at_images(m, k_moving));
@@ -650,15 +680,20 @@ impl<'a> Refined<'a> {
         let answered_shift = &s.weighted_rows(s.smoothed.as_ref(), &s.asking)
             - &s.weighted_rows(m.smoothed.as_ref(), &s.images.vertex);
         check()?;
-        let gram = &m.gram_of(&m.own) + &dense::gram(answered);
+        let k = answered.dims;
+        let gram = &m.own_gram(k) + &dense::gram(answered.as_columns());
         check()?;
-        let right = &dense::sum_of_products(&m.own, &Rows::from_matrix(own_shift.as_ref(), 3))
-            + &dense::sum_of_products(answered, &Rows::from_matrix(answered_shift.as_ref(), 3));
+        let products = |functions: MatRef<'_, f32>, shift: &Mat<f64>| {
+            let shift = Rows::from_matrix(shift.as_ref(), 3);
+            dense::sum_of_products(functions, shift.as_columns())
+        };
+        let right =
+            products(m.own(k), &own_shift) + products(answered.as_columns(), &answered_shift);
         let values = &m.shape.basis.values;
         let scale = DISPLACEMENT_RIDGE / values[SMOOTHNESS_PAIR.min(values.len() - 1)];
         let shift = dense::solve_with_ridge(gram, |i| scale * values[i] + 1e-12, right.as_ref())?;
         let mut deformed = m.smoothed.clone();
-        dense::add_product(deformed.as_mut(), m.basis(m.own.dims), shift.as_ref());
+        dense::add_product(deformed.as_mut(), m.basis(k), shift.as_ref());
         Ok(deformed)
     }
 
@@ -668,8 +703,8 @@ impl<'a> Refined<'a> {
         [asked, answered]: &[Rows; 2],
         check: Check<'_>,
     ) -> Result<(Mat<f64>, Vec<f64>)> {
-        let own = [&self.moving.own, &self.still.own];
-        fitted(&self.still, own, [asked, answered], check)
+        let sides = [(&self.moving, answered.dims), (&self.still, asked.dims)];
+        fitted(sides, [asked, answered], check)
     }
 
     /// Rotates, scales and moves the moving shape's low-passed surface so that matched points come together.
@@ -739,34 +774,36 @@ impl<'a> Refined<'a> {
     }
 }
 
-/// Bijective least squares for the map from coefficients of one side to those of another, and R² of each column:
-/// from rows of the eigenfunctions of either where it asks, `asked` of the second at the first's images, `answered` of
-/// the first at the second's.
+/// Bijective least squares for the map from so many coefficients of one side to so many of another, and R² of each
+/// column: from rows of the eigenfunctions, `asked` of the second's at the first's images, `answered` of the first's
+/// at the second's.
 fn fitted(
-    to: &Side<'_>,
-    [from_own, to_own]: [&Rows; 2],
+    [(from, k_from), (to, k_to)]: [(&Side<'_>, usize); 2],
     [asked, answered]: [&Rows; 2],
     check: Check<'_>,
 ) -> Result<(Mat<f64>, Vec<f64>)> {
     check()?;
-    let ((asked_gram, asked_right, own), (to_gram, to_right, answered)) = rayon::join(
+    let ((asked_gram, asked_right), (to_gram, to_right, answered)) = rayon::join(
         || {
-            let right = dense::sum_of_products(asked, from_own);
-            (dense::gram(asked), right, from_own.squares())
+            let asked = asked.as_columns();
+            let right = dense::sum_of_products(asked, from.own(k_from));
+            (dense::gram(asked), right)
         },
         || {
-            let right = dense::sum_of_products(to_own, answered);
-            (to.gram_of(to_own), right, answered.squares())
+            let right = dense::sum_of_products(to.own(k_to), answered.as_columns());
+            (to.own_gram(k_to), right, answered.squares())
         },
     );
     check()?;
     let right = asked_right + to_right;
     let gram = asked_gram + to_gram;
     let matrix = dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())?;
-    let shared = (0..from_own.dims)
-        .map(|j| {
+    let squares = from.own_squares(k_from).iter().zip(&answered);
+    let shared = squares
+        .enumerate()
+        .map(|(j, (own, answered))| {
             let found = matrix.col(j).transpose() * right.col(j);
-            let all = f64::from(own[j] + answered[j]).max(f64::MIN_POSITIVE);
+            let all = f64::from(own + answered).max(f64::MIN_POSITIVE);
             (found / all).clamp(0.0, 1.0)
         })
         .collect();
@@ -793,7 +830,7 @@ fn first_images(
             asking,
             (own_rows, neighbours),
             (other_rows, other_neighbours),
-            SWEEPS_TO_REST,
+            SWEEPS,
             check,
         )?;
     } else {
@@ -820,7 +857,7 @@ mod tests {
         let pair = testing::pair(&shape, &shape, Shares::BOTH, &hints);
         let shared_by = |image: &dyn Fn(u32) -> u32| {
             let images: Vec<u32> = (0..shape.mass.len() as u32).map(image).collect();
-            let mut state = Refined::by_images(&pair, Which::Target, [images.clone(), images]);
+            let state = Refined::by_images(&pair, Which::Target, [images.clone(), images]);
             let at_images = state.at_images(30);
             state.mapped(&at_images, &|| Ok(())).expect("regular").1
         };

@@ -4,16 +4,10 @@
 //! Linear in the number of vertices where an exhaustive search is quadratic. The sweeps run in a
 //! fixed order on one thread, so that the result does not depend on the number of threads.
 
-use crate::dense::{LANES, Rows, sum_of_lanes, vectorised};
+use crate::dense::{Rows, squared_distance, vectorised};
 use crate::error::Result;
 use crate::mesh::Adjacency;
 use crate::progress::Check;
-
-/// Coordinates of a point that are compared at once; rows of so many, or a multiple, are compared fastest.
-pub const COMPARED: usize = 2 * LANES;
-
-/// Most sweeps until nothing changes.
-pub const SWEEPS_TO_REST: usize = 20;
 
 /// Image of every asking vertex with its squared distance.
 #[derive(Debug, Clone)]
@@ -31,6 +25,15 @@ impl Images {
         Self {
             vertex: vec![u32::MAX; count],
             cost: vec![f32::INFINITY; count],
+        }
+    }
+
+    /// Those of some asking vertices alone.
+    #[must_use]
+    pub fn of(&self, asking: &[u32]) -> Self {
+        Self {
+            vertex: asking.iter().map(|&v| self.vertex[v as usize]).collect(),
+            cost: asking.iter().map(|&v| self.cost[v as usize]).collect(),
         }
     }
 
@@ -161,27 +164,4 @@ impl Images {
         (self.vertex[i], self.cost[i]) = best;
         best.0 != start
     }
-}
-
-/// ‖a − b‖², or anything above `limit` once it exceeds that.
-#[must_use]
-#[inline(always)]
-pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
-    let (x, y) = (a.chunks_exact(COMPARED), b.chunks_exact(COMPARED));
-    let rest = x.remainder().iter().zip(y.remainder());
-    let mut sum = rest.map(|(p, q)| (p - q) * (p - q)).sum();
-    for (x, y) in x.zip(y) {
-        let mut lanes = [0.0; LANES];
-        for (p, q) in x.chunks_exact(LANES).zip(y.chunks_exact(LANES)) {
-            for l in 0..LANES {
-                let d = p[l] - q[l];
-                lanes[l] += d * d;
-            }
-        }
-        sum += sum_of_lanes(lanes);
-        if sum > limit {
-            return sum;
-        }
-    }
-    sum
 }

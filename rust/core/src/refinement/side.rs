@@ -7,11 +7,13 @@ use faer::linalg::matmul::matmul;
 use faer::{Accum, Mat, MatMut, MatRef, Par};
 use rayon::prelude::*;
 
-use crate::dense::{self, Rows};
+use crate::dense::{self, COMPARED, Rows};
+use crate::error::Result;
 use crate::hints::Which;
 use crate::mesh::{self, Adjacency};
 use crate::pair::{Pair, Part};
-use crate::refinement::propagation::{COMPARED, Images};
+use crate::progress::Check;
+use crate::refinement::propagation::Images;
 use crate::shape::Shape;
 use crate::similarity::Similarity;
 use crate::vector::Point;
@@ -52,8 +54,10 @@ pub struct Side<'a> {
     extrinsic: bool,
     /// Where landmarks ask, as (number of the asking vertex, image).
     known: Vec<(u32, u32)>,
-    /// √w times this shape's first eigenfunctions at the asking vertices, as many as in the last step.
-    pub(super) own: Rows,
+    /// √w times this shape's eigenfunctions at the asking vertices.
+    own: Rows,
+    /// Sum of the squares of each.
+    own_squares: Vec<f32>,
     /// Embedding of every vertex in the last step.
     pub rows: Rows,
 }
@@ -109,6 +113,7 @@ impl<'a> Side<'a> {
                 }
             },
         );
+        let own = weighted_functions(shape, &asking, &weights);
         Self {
             coordinates: dense::product(shape.basis.functions.transpose(), weighted.as_ref()),
             images: Images::unknown(asking.len()),
@@ -120,10 +125,73 @@ impl<'a> Side<'a> {
             known,
             smoothed: Mat::zeros(0, 3),
             low_passed_to: 0,
-            own: Rows::zeros(0, 1),
+            own_squares: own.squares(),
+            own,
             rows: Rows::zeros(0, 1),
             shape,
         }
+    }
+
+    /// The same side where some `count` vertices ask for all, each with the weight of those nearest to it, and are
+    /// neighbours where these are.
+    pub(super) fn thinned(&self, count: usize) -> Self {
+        let n = self.asking.len();
+        if n < self.shape.mesh.vertices.len() || n <= count {
+            return self.clone();
+        }
+        let mut asking = self.shape.drawn_vertices(count);
+        asking.sort_unstable();
+        asking.dedup();
+        let cell = mesh::cells(&self.shape.neighbours, &asking);
+        let mut weights = vec![0.0; asking.len()];
+        for (&cell, w) in cell.iter().zip(&self.weights) {
+            weights[cell as usize] += w;
+        }
+        let number = |v: u32| asking.binary_search(&v).ok().map(|number| number as u32);
+        let known = self.known.iter();
+        let known = known.filter_map(|&(v, image)| Some((number(v)?, image)));
+        let own = weighted_functions(self.shape, &asking, &weights);
+        Self {
+            shape: self.shape,
+            known: known.collect(),
+            images: self.images.of(&asking),
+            neighbours: mesh::between_cells(&self.shape.neighbours, &cell, asking.len()),
+            own_squares: own.squares(),
+            own,
+            weights,
+            asking,
+            coordinates: self.coordinates.clone(),
+            smoothed: self.smoothed.clone(),
+            low_passed_to: self.low_passed_to,
+            fixed: self.fixed.clone(),
+            extrinsic: self.extrinsic,
+            rows: self.rows.clone(),
+        }
+    }
+
+    /// Images of all the vertices of `all`, of which these were asked for, with the present embeddings of this shape
+    /// and of the other.
+    pub(super) fn images_of_all(
+        &self,
+        all: &Self,
+        other: &Self,
+        sweeps: usize,
+        check: Check<'_>,
+    ) -> Result<Vec<u32>> {
+        let mut images = Images::unknown(all.asking.len());
+        for (&v, &image) in self.asking.iter().zip(&self.images.vertex) {
+            images.vertex[v as usize] = image;
+        }
+        if self.asking.len() < all.asking.len() {
+            images.settle(
+                &all.asking,
+                (&self.rows, &all.neighbours),
+                (&other.rows, &other.shape.neighbours),
+                sweeps,
+                check,
+            )?;
+        }
+        Ok(images.vertex)
     }
 
     pub(super) fn basis(&self, k: usize) -> MatRef<'a, f64> {
@@ -170,17 +238,14 @@ impl<'a> Side<'a> {
         })
     }
 
-    /// Prepares the fits with k eigenfunctions.
-    pub(super) fn weigh(&mut self, k: usize) {
-        if self.own.dims != k {
-            self.own = self.own_rows(k);
-        }
+    /// √w times k eigenfunctions at the asking vertices, each a column of `(k, asking)`.
+    pub(super) fn own(&self, k: usize) -> MatRef<'_, f32> {
+        self.own.as_columns().subrows(0, k)
     }
 
-    /// √w times k eigenfunctions at the asking vertices.
-    pub(super) fn own_rows(&self, k: usize) -> Rows {
-        let functions = &self.shape.rows;
-        functions.gather_weighted(&self.asking, &self.weights, k)
+    /// Sums of the squares of its rows.
+    pub(super) fn own_squares(&self, k: usize) -> &[f32] {
+        &self.own_squares[..k]
     }
 
     /// √w times k eigenfunctions of the other shape at the images.
@@ -189,13 +254,13 @@ impl<'a> Side<'a> {
         functions.gather_weighted(&self.images.vertex, &self.weights, k)
     }
 
-    /// Gram matrix of some [own rows](Self::own_rows).
-    pub(super) fn gram_of(&self, own: &Rows) -> Mat<f64> {
+    /// Gram matrix of [these](Self::own).
+    pub(super) fn own_gram(&self, k: usize) -> Mat<f64> {
         if self.asking.len() < self.shape.mesh.vertices.len() {
-            return dense::gram(own);
+            return dense::gram(self.own(k));
         }
         // All ask, weighted by their areas: orthonormal.
-        let (k, share) = (own.dims, self.weights.iter().sum::<f64>());
+        let share = self.weights.iter().sum::<f64>();
         Mat::from_fn(k, k, |i, j| if i == j { share } else { 0.0 })
     }
 
@@ -267,5 +332,96 @@ impl<'a> Side<'a> {
             .par_chunks_mut(EMBEDDED_AT_ONCE * dims)
             .enumerate()
             .for_each(|(block, rows)| write(block, rows));
+    }
+}
+
+/// √w times all eigenfunctions of a shape at some of its vertices.
+fn weighted_functions(shape: &Shape, vertices: &[u32], weights: &[f64]) -> Rows {
+    let functions = &shape.rows;
+    functions.gather_weighted(vertices, weights, functions.dims)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hints::Hints;
+    use crate::pair::Shares;
+    use crate::testing::{self, RINGS, torus};
+
+    #[test]
+    fn some_vertices_ask_for_all_and_lead_to_the_images_of_all() {
+        let shape = torus(RINGS);
+        let hints = Hints::default();
+        let pair = testing::pair(&shape, &shape, Shares::BOTH, &hints);
+        let mut all = Side::new(&pair, Which::Target, None);
+        let count = all.asking.len();
+        all.images.vertex = (0..count as u32).collect();
+        all.rows = shape.rows.clone();
+
+        // More than the 500 farthest points and fewer than all 960; some are drawn twice.
+        let thinned = all.thinned(600);
+        assert!((500..=600).contains(&thinned.asking.len()));
+        // Every vertex is counted once, in another order than that of the sum.
+        assert!((thinned.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
+        let number = |v: u32| thinned.asking.binary_search(&v).expect("asks") as u32;
+        for (i, &v) in thinned.asking.iter().enumerate() {
+            assert_eq!(thinned.images.vertex[i], v);
+            let around = thinned.neighbours.row(i);
+            assert!(!around.is_empty());
+            for &j in around {
+                assert!(thinned.neighbours.row(j as usize).contains(&(i as u32)));
+            }
+            // Neighbours on the mesh that both ask are neighbours.
+            for &u in all.shape.neighbours.row(v as usize) {
+                if thinned.asking.binary_search(&u).is_ok() {
+                    assert!(around.contains(&number(u)));
+                }
+            }
+        }
+
+        // In equal embeddings the nearest vertex is the same one, of all that were not asked for too.
+        let images = thinned.images_of_all(&all, &all, 3, &|| Ok(()));
+        assert_eq!(images.expect("not cancelled"), all.images.vertex);
+
+        // As many as there are are all of them.
+        assert_eq!(all.thinned(count).asking, all.asking);
+    }
+
+    #[test]
+    fn a_cell_holds_the_vertices_nearest_to_its_centre() {
+        let shape = torus(RINGS);
+        let centres = [3, 500, 777];
+        let cell = mesh::cells(&shape.neighbours, &centres);
+        // Edges from each centre, ring by ring.
+        let steps = centres.map(|centre| {
+            let mut steps = vec![usize::MAX; cell.len()];
+            let mut front = vec![centre];
+            steps[centre as usize] = 0;
+            for step in 1.. {
+                let around = front.iter().flat_map(|&v| shape.neighbours.row(v as usize));
+                let mut next: Vec<u32> = around.copied().collect();
+                next.retain(|&v| steps[v as usize] == usize::MAX);
+                next.sort_unstable();
+                next.dedup();
+                if next.is_empty() {
+                    break;
+                }
+                for &v in &next {
+                    steps[v as usize] = step;
+                }
+                front = next;
+            }
+            steps
+        });
+        for (v, &own) in cell.iter().enumerate() {
+            let least = steps.iter().map(|steps| steps[v]).min();
+            assert_eq!(Some(steps[own as usize][v]), least);
+        }
+        let touching = mesh::between_cells(&shape.neighbours, &cell, centres.len());
+        for a in 0..centres.len() {
+            assert!(!touching.row(a).contains(&(a as u32)));
+            // On a ring of three cells each touches both others.
+            assert_eq!(touching.row(a).len(), 2);
+        }
     }
 }
