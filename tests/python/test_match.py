@@ -360,3 +360,17 @@ def test_values_that_are_no_real_numbers_are_refused(corr, slender):
 def test_ragged_rows_are_refused_with_the_remedy(slender):
     with pytest.raises(sgmds.ArgumentError, match="cut polygons into triangles"):
         sgmds.Shape(slender.vertices, [[0, 1, 2], [0, 1, 2, 3]])
+
+
+def test_limbs_that_a_thicker_trunk_swallows_lie_where_they_belong():
+    """Two bodies of other build in one pose. The crease between limb and trunk is at other places of the limb; maps
+    that lay it on the crease are off by 1.03 % of the size on average, three samplings within 3 %, those that slide by
+    0.65."""
+    given = characters.make("biped", "stout", "rest", resolution=3000, seed=0)
+    taker = characters.make("biped", "slender", "rest", resolution=3000, seed=1)
+    corr = sgmds.match((given.vertices, given.faces), (taker.vertices, taker.faces))
+    ids, truth = characters.truth(taker, given)
+    corners = given.vertices[given.faces[corr.faces[ids]]]
+    found = (corners * corr.barycentric[ids][..., None]).sum(axis=1)
+    size = np.linalg.norm(np.ptp(given.vertices, axis=0))
+    assert 100 * np.linalg.norm(found - truth, axis=1).mean() / size < 0.85

@@ -3,6 +3,8 @@
 pub mod coinciding;
 pub mod covered;
 pub mod embedded_surface;
+pub mod parts;
+pub mod piecewise_affine;
 pub mod propagation;
 pub mod regions;
 pub mod relative_length;
