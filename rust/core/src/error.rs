@@ -85,4 +85,13 @@ impl fmt::Display for Error {
     }
 }
 
+impl Error {
+    /// [`Error::NotFactorised`] for what the linear algebra library says.
+    pub(crate) fn not_factorised(reason: impl fmt::Debug) -> Self {
+        Self::NotFactorised {
+            reason: format!("{reason:?}"),
+        }
+    }
+}
+
 impl std::error::Error for Error {}

@@ -157,7 +157,7 @@ impl<'a> Placement<'a> {
             converged: false,
         };
         for (i, &v) in vertices.iter().enumerate() {
-            placement.points.push(at_vertex(source, v));
+            placement.points.push(SurfacePoint::at_vertex(source, v));
             placement.march(i);
         }
         placement
@@ -251,15 +251,5 @@ impl<'a> Placement<'a> {
             self.march(i);
         }
         Ok(())
-    }
-}
-
-/// A vertex as a point of one of its faces.
-fn at_vertex(shape: &Shape, vertex: u32) -> SurfacePoint {
-    let face = shape.vertex_faces.row(vertex as usize)[0];
-    let corners = shape.mesh.faces[face as usize];
-    SurfacePoint {
-        face,
-        weights: corners.map(|c| if c == vertex { 1.0 } else { 0.0 }),
     }
 }

@@ -47,9 +47,7 @@ impl<'a> Pattern<'a> {
                 ..Default::default()
             },
         )
-        .map_err(|e| Error::NotFactorised {
-            reason: format!("{e:?}"),
-        })?;
+        .map_err(Error::not_factorised)?;
         Ok(Self {
             laplacian,
             pointers,

@@ -126,10 +126,11 @@ impl PiecewiseAffine {
         check()?;
         let symbolic = match self.symbolic.take() {
             Some(known) => known,
-            None => SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(not_factorised)?,
+            None => SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
+                .map_err(Error::not_factorised)?,
         };
         let factor = Llt::try_new_with_symbolic(symbolic.clone(), matrix.as_ref(), Side::Lower)
-            .map_err(not_factorised)?;
+            .map_err(Error::not_factorised)?;
         self.symbolic = Some(symbolic);
         let mut found = right;
         factor.solve_in_place(&mut found);
@@ -225,8 +226,8 @@ impl PiecewiseAffine {
                 }
             }
         }
-        let matrix =
-            SparseColMat::try_new_from_triplets(count, count, &entries).map_err(not_factorised)?;
+        let matrix = SparseColMat::try_new_from_triplets(count, count, &entries)
+            .map_err(Error::not_factorised)?;
         Ok((matrix, right))
     }
 }
@@ -272,12 +273,6 @@ fn nearest_nodes(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Vec<V
         }
     }
     found
-}
-
-fn not_factorised(reason: impl std::fmt::Debug) -> Error {
-    Error::NotFactorised {
-        reason: format!("{reason:?}"),
-    }
 }
 
 #[cfg(test)]

@@ -65,9 +65,10 @@ impl<'a> RigidSurface<'a> {
             }
             entries.push(Triplet::new(i, i, *diagonal));
         }
-        let matrix = SparseColMat::try_new_from_triplets(n, n, &entries).map_err(not_factorised)?;
+        let matrix =
+            SparseColMat::try_new_from_triplets(n, n, &entries).map_err(Error::not_factorised)?;
         let symbolic =
-            SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(not_factorised)?;
+            SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(Error::not_factorised)?;
         Ok(Self {
             matrix,
             stiffness,
@@ -124,7 +125,7 @@ impl<'a> RigidSurface<'a> {
             self.matrix.val_of_col_mut(j)[0] = stiffness + pull.0.max(LEAST_PULL);
         }
         Llt::try_new_with_symbolic(self.symbolic.clone(), self.matrix.as_ref(), Side::Lower)
-            .map_err(not_factorised)
+            .map_err(Error::not_factorised)
     }
 
     /// The rotation around each vertex that fits its edges best.
@@ -151,12 +152,6 @@ impl<'a> RigidSurface<'a> {
                 }
                 rotate_towards(rotation, &covariance);
             });
-    }
-}
-
-fn not_factorised(reason: impl std::fmt::Debug) -> Error {
-    Error::NotFactorised {
-        reason: format!("{reason:?}"),
     }
 }
 
