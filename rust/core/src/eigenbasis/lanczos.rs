@@ -64,8 +64,8 @@ pub(super) struct BlockLanczos<'a> {
     factor: &'a ShiftedFactor<'a>,
     /// Diagonal of `A^{1/2}`.
     root_mass: &'a [f64],
-    /// The known eigenvector, then an orthonormal basis `Q` of which `size` columns and one more
-    /// block are set: `(n, 1 + capacity)`.
+    /// The known eigenvector, then an orthonormal basis `Q` of `size` columns and one more block; the next is added
+    /// where it is used, so that memory is touched once.
     basis: Mat<f64>,
     /// Lower half of the block-tridiagonal `QᵀMQ`.
     projected: Mat<f64>,
@@ -92,7 +92,8 @@ impl<'a> BlockLanczos<'a> {
     ) -> Self {
         let n = root_mass.len();
         let capacity = capacity.next_multiple_of(BLOCK) + 2 * BLOCK;
-        let mut basis = Mat::zeros(n, 1 + capacity);
+        let mut basis = Mat::with_capacity(n, 1 + capacity);
+        basis.resize_with(n, 1 + BLOCK, |_, _| 0.0);
         basis.col_mut(0).copy_from(deflated);
         let (deflated, rest) = basis.split_at_col_mut(1);
         let mut start = rest.subcols_mut(0, BLOCK);
@@ -250,7 +251,8 @@ impl<'a> BlockLanczos<'a> {
 
     /// `M` times the basis's last block, into the columns after it.
     fn multiply_last(&mut self) {
-        let first = 1 + self.size;
+        let (n, first) = (self.basis.nrows(), 1 + self.size);
+        self.basis.resize_with(n, first + 2 * BLOCK, |_, _| 0.0);
         for (c, column) in self.basis.subcols(first, BLOCK).col_iter().enumerate() {
             for ((row, x), root) in self.rows.iter_mut().zip(column.iter()).zip(self.root_mass) {
                 row[c] = x * root;
@@ -331,7 +333,7 @@ impl<'a> BlockLanczos<'a> {
     fn grow(&mut self) {
         let (n, old) = (self.basis.nrows(), self.projected.ncols());
         let new = (old + old / 4).next_multiple_of(BLOCK);
-        self.basis.resize_with(n, 1 + new, |_, _| 0.0);
+        self.basis.reserve(n, 1 + new);
         self.projected.resize_with(new, new, |_, _| 0.0);
     }
 }

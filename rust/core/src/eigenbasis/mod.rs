@@ -13,6 +13,7 @@ use faer::{Col, Mat};
 use self::lanczos::{BlockLanczos, RitzPairs, expected_size};
 use self::orthogonal::eigen;
 use self::shifted_factor::{Pattern, ShiftedFactor};
+use crate::dense::vectorised;
 use crate::error::{Error, Result};
 use crate::laplacian::Laplacian;
 
@@ -101,11 +102,10 @@ impl Eigenbasis {
         let root_mass: Vec<f64> = laplacian.mass.iter().map(|a| a.sqrt()).collect();
         let mut basis = Self {
             values: vec![0.0; k],
-            functions: Mat::zeros(n, k),
+            functions: Mat::full(n, 1, 1.0 / area.sqrt()),
             residual: 0.0,
             solves: 0,
         };
-        basis.functions.col_mut(0).fill(1.0 / area.sqrt());
         if k > 1 {
             if n <= DENSE_RATIO * expected_size(k - 1) {
                 basis.fill_dense(laplacian, &root_mass, area, cancelled)?;
@@ -138,13 +138,13 @@ impl Eigenbasis {
             h[(i, j)] + beyond * root_mass[i] * root_mass[j] / area
         });
         let (values, vectors) = eigen(h.as_ref())?;
-        for j in 1..self.values.len() {
-            // With all n pairs asked for, the moved constant is the last one and is left out.
+        let k = self.values.len();
+        // With all n pairs asked for, the moved constant is the last one and is left out.
+        for j in 1..k {
             self.values[j] = values[j - 1].max(0.0);
-            for i in 0..n {
-                self.functions[(i, j)] = vectors[(i, j - 1)] / root_mass[i];
-            }
         }
+        self.functions
+            .resize_with(n, k, |i, j| vectors[(i, j - 1)] / root_mass[i]);
         Ok(())
     }
 
@@ -168,16 +168,19 @@ impl Eigenbasis {
             vectors,
             solves,
         } = lanczos.run(wanted, SAFETY * RESIDUAL_BOUND, cancelled)?;
-        self.solves = solves;
-        for (j, value) in values.into_iter().enumerate() {
-            if cancelled() {
-                return Err(Error::Cancelled);
-            }
-            self.values[j + 1] = value;
-            for (i, &v) in ordering.iter().enumerate() {
-                self.functions[(v as usize, j + 1)] = vectors[(i, j)] / ordered[i];
-            }
+        if cancelled() {
+            return Err(Error::Cancelled);
         }
+        self.solves = solves;
+        self.values[1..].copy_from_slice(&values);
+        let mut place = vec![0; ordering.len()];
+        for (i, &v) in ordering.iter().enumerate() {
+            place[v as usize] = i;
+        }
+        self.functions = Mat::from_fn(place.len(), 1 + wanted, |v, j| match j {
+            0 => 1.0 / area.sqrt(),
+            _ => vectors[(place[v], j - 1)] / root_mass[v],
+        });
         Ok(())
     }
 
@@ -201,11 +204,11 @@ impl Eigenbasis {
             // The last pass measures the last pair more than once.
             let pairs: [usize; MEASURED_AT_ONCE] =
                 std::array::from_fn(|lane| (first + lane).min(k - 1));
-            let measured = residuals(
-                laplacian,
-                pairs.map(|j| self.values[j]),
-                &interleaved(&self.functions, pairs),
-                &mut defects,
+            let values = pairs.map(|j| self.values[j]);
+            let functions = interleaved(&self.functions, pairs);
+            let measured = vectorised(
+                #[inline(always)]
+                || residuals(laplacian, values, &functions, &mut defects),
             );
             for (j, mut residual) in (first..k).zip(measured) {
                 // The constant has rounding only.
@@ -325,6 +328,7 @@ fn factor_within_spectrum<'a>(
 }
 
 /// `Wφ − λAφ` of some pairs into the columns of `defects`, `(n, C)`, and their norms: `√(rᵀA⁻¹r)`.
+#[inline(always)]
 fn residuals<const C: usize>(
     laplacian: &Laplacian,
     values: [f64; C],

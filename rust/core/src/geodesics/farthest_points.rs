@@ -4,6 +4,7 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::fast_marching::{FastMarching, Seed, Workspace};
+use crate::dense::vectorised;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::vector;
@@ -46,7 +47,11 @@ pub fn farthest_points(
         if cancelled() {
             return Err(Error::Cancelled);
         }
-        marching.run(&[Seed::at(vertex)], &mut workspace, |v| to_set[v as usize]);
+        let seeds = [Seed::at(vertex)];
+        vectorised(
+            #[inline(always)]
+            || marching.run(&seeds, &mut workspace, |v| to_set[v as usize]),
+        );
         for (v, distance) in workspace.reached() {
             to_set[v as usize] = distance;
         }

@@ -1,6 +1,9 @@
 //! Fast marching with circular wavefronts.
 
+use std::array::from_fn;
+
 use super::front_queue::FrontQueue;
+use crate::dense::{LANES, vectorised};
 use crate::mesh::Mesh;
 use crate::vector::{self, Point};
 
@@ -19,34 +22,38 @@ const CROSSING_SLACK: f32 = 1e-3;
 /// count as touching.
 const TOUCHING_SLACK: f32 = 1e-4;
 
-/// One triangle (a, b, c) as seen from its corner a, which owns the row.
+/// Triangles around a vertex of which those that share an edge are looked for one by one.
+const MOST_COMPARED: usize = 64;
+
+/// Edges as seen from the end that they share, side by side in vector registers. They are spokes of fans: each spans a
+/// triangle with the next. A closed fan ends with the spoke that it starts with, and one that goes on in the next
+/// block starts there with the last spoke of this.
 #[derive(Debug, Clone, Copy)]
-struct Corner {
-    b: u32,
-    c: u32,
-    ab: f32,
-    ac: f32,
-    /// Cosine and sine of the angle at a.
-    cos: f32,
-    sin: f32,
+#[repr(align(32))]
+struct Spokes {
+    /// Length of each.
+    length: [f32; LANES],
+    /// Cosine and sine of the angle to the next spoke, NaN for the last one of a fan.
+    cos: [f32; LANES],
+    sin: [f32; LANES],
+    /// The other end; where there is no spoke, that which they share.
+    vertex: [u32; LANES],
 }
 
 /// What a march knows of a vertex.
 #[derive(Debug, Clone, Copy)]
 struct Front {
     distance: f32,
+    /// The same once the vertex was passed, NaN before.
+    passed: f32,
     /// Distance of the (pseudo-)source that the vertex sees straight.
     offset: f32,
-    passed: bool,
-    /// In the list of vertices whose value the step at hand has lowered.
-    lowered: bool,
 }
 
 const FAR: Front = Front {
     distance: f32::INFINITY,
+    passed: f32::NAN,
     offset: 0.0,
-    passed: false,
-    lowered: false,
 };
 
 /// Start of a march: a vertex with its distance from a point source.
@@ -79,9 +86,9 @@ pub struct Seed {
 /// discrete geodesic problem", SIAM J. Comput. 16 (1987).
 #[derive(Debug, Clone)]
 pub struct FastMarching {
-    /// Start of each vertex's row of corners, `(n + 1)`.
+    /// Start of the blocks of each vertex, `(n + 1)`.
     starts: Vec<u32>,
-    corners: Vec<Corner>,
+    spokes: Vec<Spokes>,
     /// Whether shortest paths can bend at a vertex: saddles and boundary vertices, `(n)`.
     bends: Vec<bool>,
     /// Mean edge length, an edge counted once a face.
@@ -94,7 +101,6 @@ pub struct Workspace {
     front: Vec<Front>,
     queue: FrontQueue,
     touched: Vec<u32>,
-    lowered: Vec<u32>,
 }
 
 impl Workspace {
@@ -106,7 +112,6 @@ impl Workspace {
             front: vec![FAR; n],
             queue: FrontQueue::new(marching.mean_edge),
             touched: Vec::with_capacity(n),
-            lowered: Vec::new(),
         }
     }
 
@@ -114,7 +119,7 @@ impl Workspace {
     pub fn reached(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
         self.touched.iter().filter_map(|&v| {
             let front = self.front[v as usize];
-            front.passed.then_some((v, front.distance))
+            (!front.passed.is_nan()).then_some((v, front.distance))
         })
     }
 
@@ -160,14 +165,27 @@ impl FastMarching {
         let mut fill = starts.clone();
         let mut corners = vec![NO_CORNER; 3 * faces.len()];
         let mut angle = vec![0.0; n];
+        let mut total = 0.0;
         for (face, f) in faces.iter().enumerate() {
             for i in 0..3 {
                 let [a, b, c] = [f[i], f[(i + 1) % 3], f[(i + 2) % 3]];
                 let (corner, at) = corner(vertices, a, b, c, factor(face));
+                total += f64::from(corner.lengths[0]);
                 corners[fill[a as usize] as usize] = corner;
                 fill[a as usize] += 1;
                 angle[a as usize] += at;
             }
+        }
+        let mut spokes = Vec::with_capacity(n);
+        let mut fan_starts = Vec::with_capacity(n + 1);
+        fan_starts.push(0);
+        for (v, row) in (0..).zip(starts.windows(2)) {
+            add_fans(
+                v,
+                &mut corners[row[0] as usize..row[1] as usize],
+                &mut spokes,
+            );
+            fan_starts.push(spokes.len() as u32);
         }
         let mut bends: Vec<bool> = angle.iter().map(|&a| a > std::f64::consts::TAU).collect();
         let mut edges: Vec<(u32, u32)> = faces
@@ -179,11 +197,10 @@ impl FastMarching {
             bends[run[0].0 as usize] = true;
             bends[run[0].1 as usize] = true;
         }
-        let total: f64 = corners.iter().map(|c: &Corner| f64::from(c.ab)).sum();
         let mean_edge = (total / corners.len().max(1) as f64) as f32;
         Self {
-            starts,
-            corners,
+            starts: fan_starts,
+            spokes,
             bends,
             mean_edge,
         }
@@ -230,7 +247,10 @@ impl FastMarching {
         out: &mut [f32],
     ) {
         assert_eq!(out.len(), self.vertex_count(), "one distance a vertex");
-        self.run(seeds, workspace, |_| bound);
+        vectorised(
+            #[inline(always)]
+            || self.run(seeds, workspace, |_| bound),
+        );
         out.fill(f32::INFINITY);
         for (v, distance) in workspace.reached() {
             out[v as usize] = distance;
@@ -238,6 +258,7 @@ impl FastMarching {
     }
 
     /// Marches from `seeds`; a vertex takes part while its distance is at most `limit` of it.
+    #[inline(always)]
     pub(super) fn run(
         &self,
         seeds: &[Seed],
@@ -268,109 +289,195 @@ impl FastMarching {
     }
 
     /// Passes vertex `a` and lowers its neighbours.
+    #[inline(always)]
     fn step(&self, a: u32, workspace: &mut Workspace, limit: &impl Fn(u32) -> f32) {
-        let from = workspace.front[a as usize];
-        workspace.front[a as usize].passed = true;
+        let Workspace {
+            front,
+            queue,
+            touched,
+        } = workspace;
+        let from = &mut front[a as usize];
+        from.passed = from.distance;
+        let from = *from;
         let edge_offset = if self.bends[a as usize] {
             from.distance
         } else {
             from.offset
         };
-        let row = self.starts[a as usize] as usize..self.starts[a as usize + 1] as usize;
-        for corner in &self.corners[row] {
-            let b = workspace.front[corner.b as usize];
-            let c = workspace.front[corner.c as usize];
-            // A vertex passed earlier can only gain across an edge, when its angle is obtuse.
-            let b_open = !b.passed || corner.ac * corner.cos > corner.ab;
-            let c_open = !c.passed || corner.ab * corner.cos > corner.ac;
-            if b_open {
-                let mut best = (from.distance + corner.ab, edge_offset);
-                if c.passed {
-                    across(from, c, corner.ac, corner.ab, corner, &mut best);
+        let blocks = self.starts[a as usize] as usize..self.starts[a as usize + 1] as usize;
+        for spokes in &self.spokes[blocks] {
+            loop {
+                let fronts = spokes.vertex.map(|v| front[v as usize]);
+                let reached = Reached::new(from, edge_offset, spokes, &fronts);
+                // Vertices that were passed too early first: across their edges others come too near.
+                let opened = reached.lower & reached.passed;
+                let mut lower = if opened == 0 { reached.lower } else { opened };
+                while lower != 0 {
+                    let lane = lower.trailing_zeros() as usize;
+                    lower &= lower - 1;
+                    let (v, distance) = (spokes.vertex[lane], reached.distance[lane]);
+                    let front = &mut front[v as usize];
+                    // The first spoke of a closed fan is the last one too.
+                    if distance >= front.distance || distance > limit(v) {
+                        continue;
+                    }
+                    if front.distance == f32::INFINITY {
+                        touched.push(v);
+                    }
+                    front.distance = distance;
+                    front.offset = reached.offset[lane];
+                    if !front.passed.is_nan() {
+                        front.passed = distance;
+                    }
+                    queue.push(distance, v);
                 }
-                workspace.lower(corner.b, b, best, corner.ab, limit);
-            }
-            if c_open {
-                let mut best = (from.distance + corner.ac, edge_offset);
-                if b.passed {
-                    across(from, b, corner.ab, corner.ac, corner, &mut best);
+                if opened == 0 {
+                    break;
                 }
-                workspace.lower(corner.c, c, best, corner.ac, limit);
             }
         }
-        for &v in &workspace.lowered {
-            let front = &mut workspace.front[v as usize];
-            front.lowered = false;
-            workspace.queue.push(front.distance, v);
-        }
-        workspace.lowered.clear();
     }
 }
 
-impl Workspace {
-    #[inline]
-    fn lower(
-        &mut self,
-        v: u32,
-        old: Front,
-        (distance, offset): (f32, f32),
-        edge: f32,
-        limit: &impl Fn(u32) -> f32,
-    ) {
-        let gain = if old.passed {
-            (LEAST_GAIN_OF_EDGE * edge).max(LEAST_GAIN_OF_DISTANCE * distance)
-        } else {
-            0.0
+/// What vertices at the other ends of spokes get from the end that they share.
+struct Reached {
+    distance: [f32; LANES],
+    offset: [f32; LANES],
+    /// Bit by bit, which distances are lower than before.
+    lower: u32,
+    /// Bit by bit, which vertices were passed before.
+    passed: u32,
+}
+
+impl Reached {
+    /// From the end `from`, which was passed last, by the edge, where `edge_offset` is the offset, or across an edge
+    /// to another vertex that was passed.
+    #[expect(
+        clippy::needless_bitwise_bool,
+        reason = "behind a branch roots would not be taken in vector registers"
+    )]
+    #[inline(always)]
+    fn new(from: Front, edge_offset: f32, spokes: &Spokes, fronts: &[Front; LANES]) -> Self {
+        let Spokes {
+            length, cos, sin, ..
+        } = *spokes;
+        let next_length = next(length);
+        let passed = from_fn(|i| fronts[i].passed);
+        let next_passed = next(passed);
+
+        // Of each edge the unfolded source at (x, −y): the shared end at the origin, the other at (length, 0).
+        let mut offset = [0.0; LANES];
+        let mut x = [0.0; LANES];
+        let mut y = [0.0; LANES];
+        for i in 0..LANES {
+            offset[i] = from.offset.min(fronts[i].offset);
+            let (ra, rb) = (from.distance - offset[i], passed[i] - offset[i]);
+            x[i] = 0.5 * ((ra - rb) * (ra + rb) / length[i] + length[i]);
+            let y_squared = (ra - x[i]) * (ra + x[i]);
+            // Written so that NaN, of what was not passed too, stays NaN.
+            let touches = y_squared >= -TOUCHING_SLACK * length[i] * length[i];
+            y[i] = y_squared.max(0.0).sqrt() + if touches { 0.0 } else { f32::NAN };
+        }
+        let (next_x, next_y, next_offset) = (next(x), next(y), next(offset));
+
+        // In each triangle, to the next spoke's end across this edge, and to this one's across the next edge. A vertex
+        // passed earlier can only gain where its angle is obtuse.
+        let mut to_next = [0.0; LANES];
+        let mut to_this = [0.0; LANES];
+        for i in 0..LANES {
+            let place = (next_length[i] * cos[i], next_length[i] * sin[i]);
+            let open = next_passed[i].is_nan() | (length[i] * cos[i] > next_length[i]);
+            to_next[i] = offset[i]
+                + across((x[i], y[i]), length[i], place)
+                + if open { 0.0 } else { f32::INFINITY };
+        }
+        for i in 0..LANES {
+            let place = (length[i] * cos[i], length[i] * sin[i]);
+            let open = passed[i].is_nan() | (next_length[i] * cos[i] > length[i]);
+            to_this[i] = next_offset[i]
+                + across((next_x[i], next_y[i]), next_length[i], place)
+                + if open { 0.0 } else { f32::INFINITY };
+        }
+
+        let from_previous = previous(to_next);
+        let previous_offset = previous(offset);
+        let mut reached = Self {
+            distance: [0.0; LANES],
+            offset: [0.0; LANES],
+            lower: 0,
+            passed: 0,
         };
-        if distance + gain < old.distance && distance <= limit(v) {
-            if old.distance == f32::INFINITY {
-                self.touched.push(v);
+        for i in 0..LANES {
+            let mut best = (from.distance + length[i], edge_offset);
+            if from_previous[i] < best.0 {
+                best = (from_previous[i], previous_offset[i]);
             }
-            if !old.lowered {
-                self.lowered.push(v);
+            if to_this[i] < best.0 {
+                best = (to_this[i], next_offset[i]);
             }
-            self.front[v as usize] = Front {
-                distance,
-                offset,
-                passed: old.passed,
-                lowered: true,
-            };
+            (reached.distance[i], reached.offset[i]) = best;
         }
+        for i in 0..LANES {
+            let distance = reached.distance[i];
+            let gain = (LEAST_GAIN_OF_EDGE * length[i]).max(LEAST_GAIN_OF_DISTANCE * distance);
+            let gain = if passed[i].is_nan() { 0.0 } else { gain };
+            reached.lower |= u32::from(distance + gain < fronts[i].distance) << i;
+            reached.passed |= u32::from(!passed[i].is_nan()) << i;
+        }
+        reached
     }
 }
 
-/// Lowers `best` (distance, offset) of the vertex opposite the edge from a (front `a`) of length
-/// `edge` to its other end (front `b`), when the ray from the unfolded source crosses the edge.
-/// `side` is the length from a to the vertex.
-#[inline]
-fn across(a: Front, b: Front, edge: f32, side: f32, corner: &Corner, best: &mut (f32, f32)) {
-    let offset = a.offset.min(b.offset);
-    let (ra, rb) = (a.distance - offset, b.distance - offset);
-    let (cx, cy) = (side * corner.cos, side * corner.sin);
-    // Source at (x, −y): a at the origin, b at (edge, 0).
-    let x = 0.5 * ((ra - rb) * (ra + rb) / edge + edge);
-    let y_squared = (ra - x) * (ra + x);
-    if y_squared < -TOUCHING_SLACK * edge * edge {
-        return;
-    }
-    let y = y_squared.max(0.0).sqrt();
+/// Of each lane the value of the one after it; written out, it becomes one instruction.
+#[inline(always)]
+fn next([a, b, c, d, e, f, g, h]: [f32; LANES]) -> [f32; LANES] {
+    [b, c, d, e, f, g, h, a]
+}
+
+/// Of each lane the value of the one before it.
+#[inline(always)]
+fn previous([a, b, c, d, e, f, g, h]: [f32; LANES]) -> [f32; LANES] {
+    [h, a, b, c, d, e, f, g]
+}
+
+/// Distance from a source unfolded to (x, −y) of the vertex at a place above the edge from (0, 0) to (edge, 0),
+/// infinite when the ray does not cross the edge.
+#[expect(
+    clippy::needless_bitwise_bool,
+    reason = "behind a branch roots would not be taken in vector registers"
+)]
+#[inline(always)]
+fn across((x, y): (f32, f32), edge: f32, (cx, cy): (f32, f32)) -> f32 {
     let drop = y + cy;
     let crossing = x * cy + cx * y;
     let slack = CROSSING_SLACK * edge * drop;
+    let distance = ((cx - x) * (cx - x) + drop * drop).sqrt();
     // Written so that NaN from a degenerate triangle fails.
-    if drop > 0.0 && crossing >= -slack && crossing <= edge * drop + slack {
-        let distance = offset + ((cx - x) * (cx - x) + drop * drop).sqrt();
-        if distance < best.0 {
-            *best = (distance, offset);
-        }
+    let crosses = (drop > 0.0) & (crossing >= -slack) & (crossing <= edge * drop + slack);
+    distance + if crosses { 0.0 } else { f32::INFINITY }
+}
+
+/// A triangle as seen from one corner: the other two and the lengths of the edges there, cosine and sine of the angle
+/// between.
+#[derive(Debug, Clone, Copy)]
+struct Corner {
+    ends: [u32; 2],
+    lengths: [f32; 2],
+    cos: f32,
+    sin: f32,
+}
+
+impl Corner {
+    /// Seen from behind.
+    fn turn(&mut self) {
+        self.ends.swap(0, 1);
+        self.lengths.swap(0, 1);
     }
 }
 
 const NO_CORNER: Corner = Corner {
-    b: 0,
-    c: 0,
-    ab: 0.0,
-    ac: 0.0,
+    ends: [0; 2],
+    lengths: [0.0; 2],
     cos: 1.0,
     sin: 0.0,
 };
@@ -382,14 +489,82 @@ fn corner(vertices: &[Point], a: u32, b: u32, c: u32, factor: f64) -> (Corner, f
     let (along, across) = (vector::dot(u, v), vector::norm(vector::cross(u, v)));
     let angle = across.atan2(along);
     let corner = Corner {
-        b,
-        c,
-        ab: (factor * vector::norm(u)) as f32,
-        ac: (factor * vector::norm(v)) as f32,
+        ends: [b, c],
+        lengths: [u, v].map(|edge| (factor * vector::norm(edge)) as f32),
         cos: angle.cos() as f32,
         sin: angle.sin() as f32,
     };
     (corner, angle)
+}
+
+/// Adds the triangles around vertex `v` to the spokes, in as few fans as the edges that they share allow; where they are
+/// too many to be compared, each is a fan of its own.
+fn add_fans(v: u32, mut corners: &mut [Corner], spokes: &mut Vec<Spokes>) {
+    let none = Spokes {
+        length: [0.0; LANES],
+        cos: [f32::NAN; LANES],
+        sin: [f32::NAN; LANES],
+        vertex: [v; LANES],
+    };
+    let mut filled = LANES;
+    let mut add = |corner: &Corner, end: usize| {
+        if filled == LANES {
+            spokes.push(none);
+            filled = 0;
+        }
+        if let Some(last) = spokes.last_mut() {
+            last.vertex[filled] = corner.ends[end];
+            last.length[filled] = corner.lengths[end];
+            // Nothing follows the last spoke of a block.
+            if end == 0 && filled + 1 < LANES {
+                (last.cos[filled], last.sin[filled]) = (corner.cos, corner.sin);
+            }
+            filled += 1;
+        }
+        filled == LANES
+    };
+    while !corners.is_empty() {
+        let mut grown = 1;
+        // To one side and then to the other.
+        for _ in 0..2 {
+            grown = grow(corners, grown);
+            corners[..grown].reverse();
+            corners[..grown].iter_mut().for_each(Corner::turn);
+        }
+        let (fan, others) = corners.split_at_mut(grown);
+        for corner in &*fan {
+            // Where a block ends the spoke is repeated in the next.
+            if add(corner, 0) {
+                add(corner, 0);
+            }
+        }
+        if let Some(last) = fan.last() {
+            add(last, 1);
+        }
+        corners = others;
+    }
+}
+
+/// Lengthens the fan that the first `grown` corners are by others, put behind it; returns the new number.
+fn grow(corners: &mut [Corner], mut grown: usize) -> usize {
+    if corners.len() > MOST_COMPARED {
+        return grown;
+    }
+    loop {
+        let last = corners[grown - 1];
+        let shared = |other: &Corner, end: usize| {
+            other.ends[end] == last.ends[1] && other.lengths[end] == last.lengths[1]
+        };
+        let others = &mut corners[grown..];
+        let Some(next) = others.iter().position(|o| shared(o, 0) || shared(o, 1)) else {
+            return grown;
+        };
+        if !shared(&others[next], 0) {
+            others[next].turn();
+        }
+        others.swap(0, next);
+        grown += 1;
+    }
 }
 
 impl Seed {
