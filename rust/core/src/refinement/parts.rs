@@ -1,4 +1,4 @@
-//! What draws one body onto another of different build that stands in the same pose.
+//! What draws one body onto another, along which it slides.
 //!
 //! A point of the first slides along the tangent plane at its image on the other, so that the places of a limb are told
 //! by its tip and by how it is scaled as a whole, and not by where the crease lies from which it leaves the trunk. A
@@ -87,14 +87,15 @@ impl Foot {
 #[must_use]
 pub fn bulging(shape: &Shape) -> Vec<f64> {
     let (at, normals) = (&shape.mesh.vertices, &shape.normals);
-    // The last vertex around which each was counted.
+    // The last vertex around which each was looked at.
     let mut counted: Vec<u32> = (0..at.len() as u32).collect();
     let mut region: Vec<u32> = Vec::new();
     (0..at.len() as u32)
         .map(|v| {
             let (here, normal) = (at[v as usize], normals[v as usize]);
             let near = |u: usize| {
-                vector::distance(at[u], here) < REACH
+                let off = vector::sub(at[u], here);
+                vector::dot(off, off) < REACH * REACH
                     && vector::dot(normals[u], normal) > OTHER_SIDE
             };
             region.clear();
@@ -107,8 +108,7 @@ pub fn bulging(shape: &Shape) -> Vec<f64> {
                 area += mass;
                 height += mass * vector::dot(vector::sub(at[u as usize], here), normal);
                 for &w in shape.neighbours.row(u as usize) {
-                    if counted[w as usize] != v && near(w as usize) {
-                        counted[w as usize] = v;
+                    if std::mem::replace(&mut counted[w as usize], v) != v && near(w as usize) {
                         region.push(w);
                     }
                 }

@@ -18,11 +18,17 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::linalg::cholesky::llt::factor::LltRegularization;
 use faer::prelude::*;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
-use faer::sparse::{SparseColMat, Triplet};
-use faer::{Mat, Side};
+use faer::sparse::linalg::SupernodalThreshold;
+use faer::sparse::linalg::cholesky::{
+    CholeskySymbolicParams, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+};
+use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
+use faer::{Conj, Side, Spec};
 
+use crate::dense::vectorised;
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::progress::Check;
@@ -32,6 +38,8 @@ use crate::vector::{self, Point};
 const NEAREST: usize = 4;
 /// Unknowns of a node: the rows of A, each with its entry of t.
 const UNKNOWNS: usize = 12;
+/// Pairs of nodes that carry a vertex, and each with itself.
+const PAIRS: usize = NEAREST * (NEAREST + 1) / 2;
 /// Weight μ of the changes between neighbouring nodes beside what draws the vertices, at unit area; half and twice as
 /// much change errors by up to a tenth, up on one pair and down on another.
 const SMOOTHNESS: f64 = 1e-4;
@@ -43,77 +51,90 @@ const LEAST_PULL: f64 = 1e-10;
 /// What draws a vertex: M, symmetric, and b, of which M⁻¹b is the place it is drawn to.
 pub type Pull = ([Point; 3], Point);
 
+/// Rows and columns of the normal equations that belong to two nodes, row by row.
+type Block = [[f64; UNKNOWNS]; UNKNOWNS];
+
+/// A vertex.
+struct Carried {
+    vertex: u32,
+    /// Nodes that carry it, the last first, with ω(p − g) and ω.
+    by: [(u32, [f64; 4]); NEAREST],
+    /// Number of the block of each pair of these, in the order of two loops.
+    blocks: [u32; PAIRS],
+}
+
 /// A surface on its way to given places.
 pub struct PiecewiseAffine {
-    /// Nodes that carry each vertex, with ω(p − g) and ω.
-    carried: Vec<[(u32, [f64; 4]); NEAREST]>,
+    /// The vertices, those that the same nodes carry one after the other, so that their equations stay in the cache.
+    carried: Vec<Carried>,
     nodes: Vec<Point>,
-    /// Neighbouring nodes.
-    links: Vec<[u32; 2]>,
+    /// Neighbouring nodes, the last first, and the numbers of their three blocks.
+    links: Vec<([u32; 2], [u32; 3])>,
     /// Weight of each link by what it came to in the last round.
     held: Vec<f64>,
     /// Distance between nodes.
     spacing: f64,
-    /// Pairs of nodes that share an entry, (row, column), sorted.
-    blocks: Vec<(u32, u32)>,
-    symbolic: Option<SymbolicLlt<usize>>,
+    equations: Equations,
 }
 
 impl PiecewiseAffine {
     /// A surface at rest with nodes at these vertices.
-    #[must_use]
-    pub fn new(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Self {
-        let near = nearest_nodes(rest, neighbours, nodes);
+    ///
+    /// # Errors
+    /// [`Error::NotFactorised`].
+    pub fn new(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Result<Self> {
+        let mut near = nearest_nodes(rest, neighbours, nodes);
+        let order = elimination_order(nodes.len(), pairs_of(nodes.len(), &near, neighbours))?;
+        let mut number = vec![0; order.len()];
+        for (new, &old) in (0..).zip(&order) {
+            number[old as usize] = new;
+        }
+        for (node, _) in near.iter_mut().flatten() {
+            *node = number[*node as usize];
+        }
+        let nodes: Vec<Point> = order
+            .iter()
+            .map(|&old| rest[nodes[old as usize] as usize])
+            .collect();
         let spacing = near
             .iter()
             .map(|found| found[0].1)
             .fold(f64::MIN_POSITIVE, f64::max);
-        let at: Vec<Point> = nodes.iter().map(|&v| rest[v as usize]).collect();
-        let carried: Vec<[(u32, [f64; 4]); NEAREST]> = rest
-            .iter()
-            .zip(&near)
-            .map(|(&p, found)| {
-                let mut shares = [0.0; NEAREST];
-                for (share, &(_, away)) in shares.iter_mut().zip(found) {
-                    *share = (-2.0 * (away / spacing).powi(2)).exp();
+        let equations = Equations::new(nodes.len(), pairs_of(nodes.len(), &near, neighbours))?;
+        let mut carried: Vec<Carried> = (0..)
+            .zip(rest.iter().zip(&near))
+            .map(|(vertex, (&p, found))| {
+                let by = carried_by(p, found, &nodes, spacing);
+                let mut pairs = (0..NEAREST).flat_map(|i| (i..NEAREST).map(move |j| (i, j)));
+                Carried {
+                    vertex,
+                    by,
+                    blocks: std::array::from_fn(|_| {
+                        let (i, j) = pairs.next().unwrap_or_default();
+                        equations.block(by[i].0, by[j].0)
+                    }),
                 }
-                let total: f64 = shares.iter().sum();
-                let mut carried = [(found[0].0, [0.0; 4]); NEAREST];
-                for ((entry, &(node, _)), share) in carried.iter_mut().zip(found).zip(shares) {
-                    let [x, y, z] = vector::sub(p, at[node as usize]);
-                    *entry = (node, [x, y, z, 1.0].map(|value| value * share / total));
-                }
-                carried
             })
             .collect();
-        let mut links: Vec<[u32; 2]> = (0..rest.len())
-            .flat_map(|v| neighbours.row(v).iter().map(move |&u| [v, u as usize]))
-            .map(|ends| ends.map(|v| near[v][0].0))
-            .filter(|[a, b]| a < b)
-            .collect();
-        links.sort_unstable();
-        links.dedup();
-        let mut blocks: Vec<(u32, u32)> = carried
-            .iter()
-            .flat_map(|entries| {
-                let nodes = entries.map(|(node, _)| node);
-                nodes.into_iter().flat_map(move |a| nodes.map(|b| (a, b)))
+        carried.sort_by_key(|carried| carried.blocks);
+        let links: Vec<([u32; 2], [u32; 3])> = links(&near, neighbours)
+            .into_iter()
+            .map(|(a, b)| {
+                let blocks = [(a, a), (a, b), (b, b)];
+                (
+                    [a, b],
+                    blocks.map(|(last, first)| equations.block(last, first)),
+                )
             })
-            .chain(links.iter().map(|&[a, b]| (b, a)))
-            .chain((0..nodes.len() as u32).map(|a| (a, a)))
-            .filter(|(row, column)| row >= column)
             .collect();
-        blocks.sort_unstable();
-        blocks.dedup();
-        Self {
+        Ok(Self {
             held: vec![1.0; links.len()],
             carried,
-            nodes: at,
+            nodes,
             links,
             spacing,
-            blocks,
-            symbolic: None,
-        }
+            equations,
+        })
     }
 
     /// Where the vertices come to lie, drawn by these pulls.
@@ -122,24 +143,16 @@ impl PiecewiseAffine {
     /// [`Error::NotFactorised`], [`Error::Cancelled`].
     pub fn drawn_to(&mut self, pulls: &[Pull], check: Check<'_>) -> Result<Vec<Point>> {
         check()?;
-        let (matrix, right) = self.system(pulls)?;
+        let (blocks, mut found) = vectorised(
+            #[inline(always)]
+            || self.system(pulls),
+        );
         check()?;
-        let symbolic = match self.symbolic.take() {
-            Some(known) => known,
-            None => SymbolicLlt::try_new(matrix.symbolic(), Side::Lower)
-                .map_err(Error::not_factorised)?,
-        };
-        let factor = Llt::try_new_with_symbolic(symbolic.clone(), matrix.as_ref(), Side::Lower)
-            .map_err(Error::not_factorised)?;
-        self.symbolic = Some(symbolic);
-        let mut found = right;
-        factor.solve_in_place(&mut found);
+        self.equations.solve(&blocks, &mut found)?;
         let maps: Vec<[[f64; 4]; 3]> = (0..self.nodes.len())
-            .map(|node| {
-                [0, 1, 2].map(|c| [0, 1, 2, 3].map(|a| found[(UNKNOWNS * node + 4 * c + a, 0)]))
-            })
+            .map(|node| [0, 1, 2].map(|c| [0, 1, 2, 3].map(|a| found[UNKNOWNS * node + 4 * c + a])))
             .collect();
-        for (held, &link) in self.held.iter_mut().zip(&self.links) {
+        for (held, &(link, _)) in self.held.iter_mut().zip(&self.links) {
             let rows = link_rows(&self.nodes, link, self.spacing);
             let change: f64 = rows
                 .iter()
@@ -152,84 +165,242 @@ impl PiecewiseAffine {
             let small = SMALL_CHANGE * self.spacing;
             *held = small / (change + small * small).sqrt();
         }
-        Ok(self
-            .carried
-            .iter()
-            .map(|entries| {
-                [0, 1, 2].map(|c| {
-                    let parts = entries
-                        .iter()
-                        .map(|(node, share)| dot4(*share, maps[*node as usize][c]));
-                    parts.sum()
-                })
-            })
-            .collect())
+        let mut places = vec![[0.0; 3]; self.carried.len()];
+        for Carried { vertex, by, .. } in &self.carried {
+            places[*vertex as usize] = [0, 1, 2].map(|c| {
+                let parts = by
+                    .iter()
+                    .map(|(node, share)| dot4(*share, maps[*node as usize][c]));
+                parts.sum()
+            });
+        }
+        Ok(places)
     }
 
-    /// Normal equations of a round.
-    fn system(&self, pulls: &[Pull]) -> Result<(SparseColMat<usize, f64>, Mat<f64>)> {
-        let count = UNKNOWNS * self.nodes.len();
-        let mut values = vec![[0.0; UNKNOWNS * UNKNOWNS]; self.blocks.len()];
-        let mut right = Mat::<f64>::zeros(count, 1);
-        let mut add =
-            |(row, own): (u32, [f64; 4]), (column, other): (u32, [f64; 4]), m: &[Point; 3]| {
-                if row < column {
-                    return;
-                }
-                let Ok(block) = self.blocks.binary_search(&(row, column)) else {
-                    return;
-                };
-                let block = &mut values[block];
-                for (c, m) in m.iter().enumerate() {
-                    for (a, x) in own.iter().enumerate() {
-                        let line = &mut block[UNKNOWNS * (4 * c + a)..][..UNKNOWNS];
-                        for (d, m) in m.iter().enumerate() {
-                            for (out, y) in line[4 * d..].iter_mut().zip(other) {
-                                *out += x * m * y;
-                            }
-                        }
-                    }
-                }
-            };
-        for (entries, (m, moment)) in self.carried.iter().zip(pulls) {
-            for &own in entries {
-                for &other in entries {
-                    add(own, other, m);
+    /// Normal equations of a round: blocks of the lower half, and the right side.
+    #[inline(always)]
+    fn system(&self, pulls: &[Pull]) -> (Vec<Block>, Vec<f64>) {
+        let mut blocks = vec![[[0.0; UNKNOWNS]; UNKNOWNS]; self.equations.blocks.len()];
+        let mut right = vec![0.0; UNKNOWNS * self.nodes.len()];
+        for carried in &self.carried {
+            let (m, moment) = &pulls[carried.vertex as usize];
+            let mut numbers = carried.blocks.iter();
+            for (i, (node, own)) in carried.by.iter().enumerate() {
+                for ((_, other), &number) in carried.by[i..].iter().zip(&mut numbers) {
+                    add(&mut blocks[number as usize], own, m, other);
                 }
                 for (c, y) in moment.iter().enumerate() {
-                    for (a, x) in own.1.iter().enumerate() {
-                        right[(UNKNOWNS * own.0 as usize + 4 * c + a, 0)] += x * y;
+                    for (a, x) in own.iter().enumerate() {
+                        right[UNKNOWNS * *node as usize + 4 * c + a] += x * y;
                     }
                 }
             }
         }
-        for (&link, held) in self.links.iter().zip(&self.held) {
+        for (&(link, [first, between, second]), held) in self.links.iter().zip(&self.held) {
             let weight = SMOOTHNESS * held;
             let m = [[weight, 0.0, 0.0], [0.0, weight, 0.0], [0.0, 0.0, weight]];
-            for row in link_rows(&self.nodes, link, self.spacing) {
-                let ends = [(link[0], row[0]), (link[1], row[1])];
-                for own in ends {
-                    for other in ends {
-                        add(own, other, &m);
-                    }
-                }
+            for [a, b] in link_rows(&self.nodes, link, self.spacing) {
+                add(&mut blocks[first as usize], &a, &m, &a);
+                add(&mut blocks[between as usize], &a, &m, &b);
+                add(&mut blocks[second as usize], &b, &m, &b);
             }
         }
-        let mut entries = Vec::with_capacity(self.blocks.len() * UNKNOWNS * UNKNOWNS);
-        for (&(row, column), block) in self.blocks.iter().zip(&values) {
-            let (row, column) = (UNKNOWNS * row as usize, UNKNOWNS * column as usize);
-            for (at, &value) in block.iter().enumerate() {
-                let (i, j) = (row + at / UNKNOWNS, column + at % UNKNOWNS);
-                if i >= j {
-                    let least = if i == j { LEAST_PULL } else { 0.0 };
-                    entries.push(Triplet::new(i, j, value + least));
-                }
-            }
-        }
-        let matrix = SparseColMat::try_new_from_triplets(count, count, &entries)
-            .map_err(Error::not_factorised)?;
-        Ok((matrix, right))
+        (blocks, right)
     }
+}
+
+/// Adds M ⊗ x yᵀ to a block.
+#[inline(always)]
+fn add(block: &mut Block, x: &[f64; 4], m: &[Point; 3], y: &[f64; 4]) {
+    for c in 0..3 {
+        for d in 0..3 {
+            for a in 0..4 {
+                let share = m[c][d] * x[a];
+                let row = &mut block[4 * c + a];
+                for b in 0..4 {
+                    row[4 * d + b] += share * y[b];
+                }
+            }
+        }
+    }
+}
+
+/// Sparse equations in blocks, one of every two nodes that share a vertex or a link.
+struct Equations {
+    /// Both nodes of each block, the last first, sorted: what stands in the upper half, column by column.
+    blocks: Vec<(u32, u32)>,
+    pointers: Vec<u32>,
+    rows: Vec<u32>,
+    symbolic: SymbolicCholesky<u32>,
+}
+
+impl Equations {
+    /// Of so many nodes, in the order in which they are eliminated.
+    fn new(nodes: usize, mut blocks: Vec<(u32, u32)>) -> Result<Self> {
+        blocks.sort_unstable();
+        blocks.dedup();
+        let (mut pointers, mut rows) = (vec![0], Vec::new());
+        for column in blocks.chunk_by(|a, b| a.0 == b.0) {
+            for j in 1..=UNKNOWNS {
+                for &(last, node) in column {
+                    let first = UNKNOWNS as u32 * node;
+                    let count = if node == last { j } else { UNKNOWNS };
+                    rows.extend(first..first + count as u32);
+                }
+                pointers.push(rows.len() as u32);
+            }
+        }
+        let symbolic = symbolic(
+            pattern(UNKNOWNS * nodes, &pointers, &rows),
+            SymmetricOrdering::Identity,
+        )?;
+        Ok(Self {
+            blocks,
+            pointers,
+            rows,
+            symbolic,
+        })
+    }
+
+    /// Number of the block of two nodes, `last` not before `first`.
+    fn block(&self, last: u32, first: u32) -> u32 {
+        self.blocks.partition_point(|&block| block < (last, first)) as u32
+    }
+
+    /// The solution takes the place of the right side; a row of a block belongs to its last node.
+    fn solve(&self, blocks: &[Block], right: &mut [f64]) -> Result<()> {
+        let n = right.len();
+        let mut values = Vec::with_capacity(self.rows.len());
+        let mut rest = blocks;
+        for column in self.blocks.chunk_by(|a, b| a.0 == b.0) {
+            let (column, others) = rest.split_at(column.len());
+            let Some((own, before)) = column.split_last() else {
+                continue;
+            };
+            for j in 0..UNKNOWNS {
+                for block in before {
+                    values.extend_from_slice(&block[j]);
+                }
+                values.extend_from_slice(&own[j][..j]);
+                values.push(own[j][j] + LEAST_PULL);
+            }
+            rest = others;
+        }
+        let symbolic = &self.symbolic;
+        let scratch = symbolic
+            .factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default())
+            .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+        let mut scratch = MemBuffer::new(scratch);
+        let stack = MemStack::new(&mut scratch);
+        let mut factor = vec![0.0; symbolic.len_val()];
+        symbolic
+            .factorize_numeric_llt(
+                &mut factor,
+                SparseColMatRef::new(pattern(n, &self.pointers, &self.rows), &values),
+                Side::Upper,
+                LltRegularization::default(),
+                Par::Seq,
+                stack,
+                Spec::default(),
+            )
+            .map_err(Error::not_factorised)?
+            .solve_in_place_with_conj(
+                Conj::No,
+                MatMut::from_column_major_slice_mut(right, n, 1),
+                Par::Seq,
+                stack,
+            );
+        Ok(())
+    }
+}
+
+/// Columns of a square matrix of this size, with the rows of their entries.
+fn pattern<'a>(
+    size: usize,
+    pointers: &'a [u32],
+    rows: &'a [u32],
+) -> SymbolicSparseColMatRef<'a, u32> {
+    SymbolicSparseColMatRef::new_checked(size, size, pointers, None, rows)
+}
+
+fn symbolic(
+    upper: SymbolicSparseColMatRef<'_, u32>,
+    ordering: SymmetricOrdering<'_, u32>,
+) -> Result<SymbolicCholesky<u32>> {
+    factorize_symbolic_cholesky(
+        upper,
+        Side::Upper,
+        ordering,
+        CholeskySymbolicParams {
+            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            ..Default::default()
+        },
+    )
+    .map_err(Error::not_factorised)
+}
+
+/// The nodes in an order in which eliminating one after the other fills in little, from pairs of them that depend on
+/// one another, the last first.
+fn elimination_order(nodes: usize, mut pairs: Vec<(u32, u32)>) -> Result<Vec<u32>> {
+    pairs.sort_unstable();
+    pairs.dedup();
+    let mut pointers = vec![0; nodes + 1];
+    for &(last, _) in &pairs {
+        pointers[last as usize + 1] += 1;
+    }
+    for column in 0..nodes {
+        pointers[column + 1] += pointers[column];
+    }
+    let rows: Vec<u32> = pairs.into_iter().map(|(_, first)| first).collect();
+    let found = symbolic(pattern(nodes, &pointers, &rows), SymmetricOrdering::Amd)?;
+    let order = found.perm().map(|order| order.arrays().0.to_vec());
+    Ok(order.unwrap_or_else(|| (0..nodes as u32).collect()))
+}
+
+/// Nodes that carry a vertex together or are neighbours, the last first, and each with itself.
+fn pairs_of(nodes: usize, near: &[Vec<(u32, f64)>], neighbours: &Adjacency) -> Vec<(u32, u32)> {
+    let own = (0..nodes as u32).map(|node| (node, node));
+    let mut pairs: Vec<(u32, u32)> = own.chain(links(near, neighbours)).collect();
+    for found in near {
+        for (i, &(a, _)) in found.iter().enumerate() {
+            pairs.extend(found[..i].iter().map(|&(b, _)| (a.max(b), a.min(b))));
+        }
+    }
+    pairs
+}
+
+/// Nodes, the last of both first, between whose vertices an edge leads.
+fn links(near: &[Vec<(u32, f64)>], neighbours: &Adjacency) -> Vec<(u32, u32)> {
+    let mut links: Vec<(u32, u32)> = (0..near.len())
+        .flat_map(|v| neighbours.row(v).iter().map(move |&u| [v, u as usize]))
+        .map(|ends| ends.map(|v| near[v][0].0))
+        .filter(|[a, b]| a > b)
+        .map(|[a, b]| (a, b))
+        .collect();
+    links.sort_unstable();
+    links.dedup();
+    links
+}
+
+/// How the nodes near to a vertex carry it, the last first: ω(p − g) and ω of each.
+fn carried_by(
+    p: Point,
+    near: &[(u32, f64)],
+    nodes: &[Point],
+    spacing: f64,
+) -> [(u32, [f64; 4]); NEAREST] {
+    let share = |away: f64| (-2.0 * (away / spacing).powi(2)).exp();
+    let total: f64 = near.iter().map(|&(_, away)| share(away)).sum();
+    let mut carried = [(near[0].0, [0.0; 4]); NEAREST];
+    for (entry, &(node, away)) in carried.iter_mut().zip(near) {
+        let [x, y, z] = vector::sub(p, nodes[node as usize]);
+        *entry = (
+            node,
+            [x, y, z, 1.0].map(|value| value * share(away) / total),
+        );
+    }
+    carried.sort_unstable_by_key(|&(node, _)| Reverse(node));
+    carried
 }
 
 /// Coefficients of both ends in what a link costs, four times a component: how far they disagree on the place between
@@ -291,7 +462,8 @@ mod tests {
 
     fn surface(shape: &Shape) -> PiecewiseAffine {
         let mesh = &shape.mesh;
-        PiecewiseAffine::new(&mesh.vertices, &shape.neighbours, shape.farthest_points(60))
+        let nodes = shape.farthest_points(60);
+        PiecewiseAffine::new(&mesh.vertices, &shape.neighbours, nodes).expect("a pattern")
     }
 
     #[test]

@@ -24,7 +24,7 @@ pub fn misfit(
     images: &[u32],
     vertices: &[u32],
 ) -> f64 {
-    edge_misfit(target, source, lengths, images, vertices).powi(2)
+    edge_misfit(target, source, lengths, images, vertices.iter().copied()).powi(2)
         * curvature_misfit(target, source, images, vertices)
 }
 
@@ -95,17 +95,17 @@ fn curvature_misfit(target: &Shape, source: &Shape, images: &[u32], vertices: &[
 
 /// Σ (ℓ′ − ℓ)² / Σ ℓ² over the edges at the given vertices, ℓ their length in the source's unit, ℓ′ that between
 /// the images.
-fn edge_misfit(
+pub fn edge_misfit(
     target: &Shape,
     source: &Shape,
     lengths: f64,
     images: &[u32],
-    vertices: &[u32],
+    vertices: impl IntoIterator<Item = u32>,
 ) -> f64 {
     let here = |v: u32| vector::scaled(target.mesh.vertices[v as usize], lengths);
     let there = |v: u32| source.mesh.vertices[images[v as usize] as usize];
     let (mut change, mut total) = (0.0, f64::MIN_POSITIVE);
-    for &v in vertices {
+    for v in vertices {
         for &w in target.neighbours.row(v as usize) {
             let length = vector::distance(here(v), here(w));
             change += (vector::distance(there(v), there(w)) - length).powi(2);

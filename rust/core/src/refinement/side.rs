@@ -24,6 +24,8 @@ pub(super) struct Weights {
     pub positions: f64,
     pub normals: f64,
     pub looks: f32,
+    /// Eigenfunctions that take part, the lowest.
+    pub functions: usize,
 }
 
 /// Vertices whose rows are written at once, by one thread.
