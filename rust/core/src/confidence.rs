@@ -23,7 +23,7 @@ const VERTICES_A_PIECE: usize = 512;
 /// the vertices of a whole that a part lacks from the others.
 const TOLERATED: f64 = 0.08;
 
-/// Weight of the gap between a vertex of the rigidly drawn target and its image.
+/// Weight of the gap between a vertex of the drawn target and its image.
 const GAP_WEIGHT: f64 = 2.0;
 
 /// Distance to a rim of the source at which being mapped there counts 1/e as much as on it.
@@ -32,7 +32,7 @@ const RIM_REACH: f64 = 0.03;
 /// Confidence in [0, 1] of a target vertex: exp(−(δ² + 4γ² + ρ²)/0.08² − β²).
 ///
 /// δ is its local distortion, γ the gap between it and its image when the target is drawn onto the
-/// source as rigidly as possible, which stands off where the source has nothing, ρ how far from it
+/// source, which stands off where the source has nothing, ρ how far from it
 /// the way to the source and back ends, all at unit area, β how much it lies beyond a rim of the
 /// source ([`beyond_rims`]). It cannot see a wholly wrong map.
 #[must_use]

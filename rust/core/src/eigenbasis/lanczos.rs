@@ -13,7 +13,8 @@ use crate::error::{Error, Result};
 /// 480 dimensions with 4, 8, 16 vectors, and orthogonalisation grows with the square.
 const BLOCK: usize = 4;
 
-/// Size of the space needed per hundred wanted pairs, and for a few: measured at k = 4 to 300. A block too many costs less than to look again.
+/// Size of the space needed per hundred wanted pairs, and for a few: measured at k = 4 to 300. A block too many costs
+/// less than to look again.
 const SIZE_PER_HUNDRED_PAIRS: usize = 150;
 const LEAST_SIZE: usize = 50;
 
@@ -21,7 +22,7 @@ const LEAST_SIZE: usize = 50;
 /// is read less often. With three, what rounding leaves along converged Ritz vectors grows too large while they wait.
 const BLOCKS_TOGETHER: usize = 2;
 
-/// Where it grows by more than this from block to block, none waits. On 26 meshes it grows by 3e2 to 4e4; with the
+/// Where it grows by more than this from block to block, none waits. On 26 meshes it grows by 3e2 to 4e4 (in blocks of eight); with the
 /// shift moved towards an eigenvalue, pairs of blocks leave `ΦᵀAΦ = I` to 3e-14 at 5e4, to 1e-11 at 5e5, and fail at 5e7.
 const MOST_GROWTH: f64 = 1e5;
 

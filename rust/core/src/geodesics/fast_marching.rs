@@ -619,6 +619,46 @@ mod tests {
     }
 
     #[test]
+    fn any_number_of_triangles_around_a_vertex_is_passed() {
+        // A flat disc of wedges around its middle, of one block of spokes, of several and of more than are compared,
+        // closed and with one wedge missing, from a point of the rim.
+        for wedges in [5, 7, 8, 20, 64, 65, 200] {
+            for missing in [0, 1] {
+                let angle = |i: u32| std::f64::consts::TAU * f64::from(i) / f64::from(wedges);
+                let rim = (0..wedges).map(|i| [angle(i).cos(), angle(i).sin(), 0.0]);
+                let vertices: Vec<Point> = std::iter::once([0.0; 3]).chain(rim).collect();
+                // In an order that scatters neighbours (7919 is prime), every third turned over.
+                let faces: Vec<[u32; 3]> = (0..wedges)
+                    .map(|i| (i * 7919) % wedges)
+                    .filter(|&i| i >= missing)
+                    .map(|i| [0, 1 + i, 1 + (i + 1) % wedges])
+                    .map(|[a, b, c]| if b % 3 == 0 { [c, b, a] } else { [a, b, c] })
+                    .collect();
+                assert_eq!(faces.len() as u32, wedges - missing);
+                let source = 1 + wedges / 2;
+                let out = marched(&vertices, &faces, source);
+                // To the middle and to the neighbours along edges, exact but for single precision.
+                for v in [0, source - 1, source + 1] {
+                    let truth = vector::distance(vertices[source as usize], vertices[v as usize]);
+                    assert!(
+                        (f64::from(out[v as usize]) - truth).abs() < 1e-6,
+                        "{wedges} {v}"
+                    );
+                }
+                // No way is shorter than the straight one or longer than that through the middle.
+                for (v, &p) in vertices.iter().enumerate() {
+                    let truth = vector::distance(vertices[source as usize], p) as f32;
+                    assert!(
+                        out[v] > truth - 1e-5 && out[v] < 2.0 + 1e-5,
+                        "{wedges} {v}: {}",
+                        out[v]
+                    );
+                }
+            }
+        }
+    }
+
+    #[test]
     fn paths_bend_around_a_notch() {
         // A square ring of unit cells without its middle cell: from one side of the hole to the
         // other the shortest path is two straight lines that meet at a corner of the hole.

@@ -448,6 +448,8 @@ fn nearest_nodes(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Vec<V
 
 #[cfg(test)]
 mod tests {
+    use faer::Mat;
+
     use super::*;
     use crate::shape::Shape;
     use crate::testing::{RINGS, torus};
@@ -464,6 +466,44 @@ mod tests {
         let mesh = &shape.mesh;
         let nodes = shape.farthest_points(60);
         PiecewiseAffine::new(&mesh.vertices, &shape.neighbours, nodes).expect("a pattern")
+    }
+
+    #[test]
+    fn equations_in_blocks_are_those_of_a_dense_matrix() {
+        // A ring of nodes and one link across, blocks of any numbers with a strong diagonal.
+        let nodes = 7;
+        let ring = (0..nodes).map(|a| (a, (a + 1) % nodes));
+        let own = (0..nodes).map(|a| (a, a));
+        let pairs = ring
+            .chain(own)
+            .chain([(1, 4)])
+            .map(|(a, b): (u32, u32)| (a.max(b), a.min(b)));
+        let equations = Equations::new(nodes as usize, pairs.collect()).expect("a pattern");
+        let n = UNKNOWNS * nodes as usize;
+        let mut dense = Mat::zeros(n, n);
+        let mut blocks = vec![[[0.0; UNKNOWNS]; UNKNOWNS]; equations.blocks.len()];
+        for (block, &(last, first)) in blocks.iter_mut().zip(&equations.blocks) {
+            for i in 0..UNKNOWNS {
+                for j in 0..UNKNOWNS {
+                    let (row, column) =
+                        (UNKNOWNS * last as usize + i, UNKNOWNS * first as usize + j);
+                    let (low, high) = (row.min(column), row.max(column));
+                    let value = ((low * 31 + high * 17) as f64).sin();
+                    block[i][j] = value + if row == column { 60.0 } else { 0.0 };
+                    dense[(row, column)] = block[i][j];
+                    dense[(column, row)] = block[i][j];
+                }
+            }
+        }
+        let truth: Vec<f64> = (0..n).map(|i| (0.3 * i as f64).cos()).collect();
+        let mut found: Vec<f64> = (0..n)
+            .map(|i| (0..n).map(|j| dense[(i, j)] * truth[j]).sum())
+            .collect();
+        equations.solve(&blocks, &mut found).expect("regular");
+        for (found, truth) in found.iter().zip(&truth) {
+            // The least pull of 1e-10 beside 60.
+            assert!((found - truth).abs() < 1e-10, "{found} {truth}");
+        }
     }
 
     #[test]
