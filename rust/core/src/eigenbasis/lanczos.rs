@@ -22,8 +22,9 @@ const LEAST_SIZE: usize = 50;
 /// is read less often. With three, what rounding leaves along converged Ritz vectors grows too large while they wait.
 const BLOCKS_TOGETHER: usize = 2;
 
-/// Where it grows by more than this from block to block, none waits. On 26 meshes it grows by 3e2 to 4e4 (in blocks of eight); with the
-/// shift moved towards an eigenvalue, pairs of blocks leave `ΦᵀAΦ = I` to 3e-14 at 5e4, to 1e-11 at 5e5, and fail at 5e7.
+/// Where it grows by more than this from block to block, none waits. On 26 meshes it grows by 3e2 to 4e4 (in blocks of
+/// eight); with the shift moved towards an eigenvalue, pairs of blocks leave `ΦᵀAΦ = I` to 3e-14 at 5e4, to 1e-11 at
+/// 5e5, and fail at 5e7.
 const MOST_GROWTH: f64 = 1e5;
 
 /// Eigenvalues farther apart than this, relatively, are told apart by a factor whose shift lies between them.

@@ -69,6 +69,11 @@ const SLIDING: Weights = Weights {
     looks: 0.0,
     functions: 20,
 };
+/// Where it slid to, in other poses: places say less than before they were drawn to what the spectrum says.
+const AFTER_SLIDING: Weights = Weights {
+    positions: 0.5,
+    ..WHOLE
+};
 /// By how much more than before a surface that slid may stretch edges: where parts bend too sharply for it and maps
 /// become worse it is 1.26 to 1.32 times as much, elsewhere 0.75 to 1.15 times.
 const MOST_STRETCHED: f64 = 1.2;
@@ -78,7 +83,7 @@ const SLIDES: usize = 8;
 const SLID: f64 = 0.03;
 /// Steps with the whole surface where it slid to, in other poses: without them errors are a twentieth larger, and rise
 /// where nothing has to slide.
-const AFTER_SLIDING: usize = 2;
+const STEPS_AFTER_SLIDING: usize = 2;
 /// Nodes of maps that are affine on each part, some ten on a limb; with 200 and 500 errors change by up to 7 %.
 const NODES: usize = 300;
 /// Times that coinciding surfaces are moved onto each other.
@@ -628,10 +633,10 @@ impl<'a> Refined<'a> {
             self.write_rows(whole_still.as_ref(), WHOLE);
             return Ok(());
         }
-        for _ in 0..AFTER_SLIDING {
+        for _ in 0..STEPS_AFTER_SLIDING {
             let at_images = self.at_images(self.matrix.nrows());
             (self.matrix, self.shared) = self.mapped(&at_images, check)?;
-            self.embed(whole_still.as_ref(), WHOLE, check)?;
+            self.embed(whole_still.as_ref(), AFTER_SLIDING, check)?;
         }
         Ok(())
     }
