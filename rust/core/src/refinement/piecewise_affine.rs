@@ -483,15 +483,15 @@ mod tests {
         let mut dense = Mat::zeros(n, n);
         let mut blocks = vec![[[0.0; UNKNOWNS]; UNKNOWNS]; equations.blocks.len()];
         for (block, &(last, first)) in blocks.iter_mut().zip(&equations.blocks) {
-            for i in 0..UNKNOWNS {
-                for j in 0..UNKNOWNS {
+            for (i, line) in block.iter_mut().enumerate() {
+                for (j, entry) in line.iter_mut().enumerate() {
                     let (row, column) =
                         (UNKNOWNS * last as usize + i, UNKNOWNS * first as usize + j);
                     let (low, high) = (row.min(column), row.max(column));
                     let value = ((low * 31 + high * 17) as f64).sin();
-                    block[i][j] = value + if row == column { 60.0 } else { 0.0 };
-                    dense[(row, column)] = block[i][j];
-                    dense[(column, row)] = block[i][j];
+                    *entry = value + if row == column { 60.0 } else { 0.0 };
+                    dense[(row, column)] = *entry;
+                    dense[(column, row)] = *entry;
                 }
             }
         }
