@@ -619,18 +619,15 @@ impl<'a> Refined<'a> {
             let all = 0..images.vertex.len() as u32;
             regions::edge_misfit(moving, still, lengths, &images.vertex, all)
         };
-        let deformed = self.deformed.clone();
-        let images = [self.moving.images.clone(), self.still.images.clone()];
-        let before = stretch(&images[0]);
+        let kept = self.kept();
+        let before = stretch(&self.moving.images);
         let whole_still = as_matrix(&still.mesh.vertices);
         self.slide(whole_still.as_ref(), check)?;
         if same_pose {
             return Ok(());
         }
         if stretch(&self.moving.images) > MOST_STRETCHED * before {
-            [self.moving.images, self.still.images] = images;
-            self.deformed = deformed;
-            self.write_rows(whole_still.as_ref(), WHOLE);
+            self.put_back(kept, whole_still.as_ref());
             return Ok(());
         }
         for _ in 0..STEPS_AFTER_SLIDING {
@@ -675,6 +672,19 @@ impl<'a> Refined<'a> {
             }
         }
         Ok(())
+    }
+
+    /// The deformed surface and the images of both sides, to be [put back](Self::put_back).
+    fn kept(&self) -> (Mat<f64>, [Images; 2]) {
+        let images = [self.moving.images.clone(), self.still.images.clone()];
+        (self.deformed.clone(), images)
+    }
+
+    /// Goes back to what was kept of a state on the whole surface.
+    fn put_back(&mut self, (deformed, images): (Mat<f64>, [Images; 2]), still: MatRef<'_, f64>) {
+        self.deformed = deformed;
+        [self.moving.images, self.still.images] = images;
+        self.write_rows(still, WHOLE);
     }
 
     /// Images of the moving shape's asking vertices and of the other's.
@@ -860,8 +870,7 @@ impl<'a> Refined<'a> {
             return Ok(false);
         }
         let whole_still = as_matrix(&self.still.shape.mesh.vertices);
-        let deformed = self.deformed.clone();
-        let images = [self.moving.images.clone(), self.still.images.clone()];
+        let kept = self.kept();
         for _ in 0..MOVES {
             let motion = Similarity::fitted(&self.matched(), false);
             let places = &self.moving.shape.mesh.vertices;
@@ -871,9 +880,7 @@ impl<'a> Refined<'a> {
         }
         let coincides = self.coincides();
         if !coincides {
-            [self.moving.images, self.still.images] = images;
-            self.deformed = deformed;
-            self.write_rows(whole_still.as_ref(), WHOLE);
+            self.put_back(kept, whole_still.as_ref());
         }
         Ok(coincides)
     }
