@@ -203,6 +203,32 @@ impl Rows {
         out
     }
 
+    /// The first coordinates of each point.
+    #[must_use]
+    pub fn first(&self, dims: usize) -> Self {
+        let mut data = Vec::with_capacity(self.count() * dims);
+        for row in self.data.chunks_exact(self.dims) {
+            data.extend_from_slice(&row[..dims]);
+        }
+        Self { dims, data }
+    }
+
+    /// Each row times a matrix, of as many coordinates as that has rows.
+    #[must_use]
+    pub fn times(&self, matrix: MatRef<'_, f64>) -> Self {
+        let mut out = Self::zeros(self.count(), matrix.ncols());
+        let transposed = Mat::from_fn(matrix.ncols(), matrix.nrows(), |i, j| matrix[(j, i)] as f32);
+        matmul(
+            out.as_columns_mut(),
+            Accum::Replace,
+            transposed.as_ref(),
+            self.as_columns().subrows(0, matrix.nrows()),
+            1.0,
+            Par::Seq,
+        );
+        out
+    }
+
     /// √w times the first `columns` coordinates of the points named by `ids`, for sums weighted by
     /// w.
     #[must_use]
@@ -240,5 +266,27 @@ impl Rows {
             }
         }
         out
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn rows_times_a_matrix_are_those_of_the_product() {
+        let points = Mat::from_fn(7, 5, |i, j| ((3 * i + 5 * j) as f64).sin());
+        let matrix = Mat::from_fn(3, 4, |i, j| ((2 * i + 7 * j) as f64).cos());
+        let rows = Rows::from_matrix(points.as_ref(), 5);
+        // Of five coordinates the matrix takes three.
+        let product = product(points.get(.., ..3), matrix.as_ref());
+        let found = rows.times(matrix.as_ref());
+        for i in 0..7 {
+            assert_eq!(rows.first(3).row(i), &rows.row(i)[..3]);
+            for j in 0..4 {
+                // Single precision of sums of three.
+                assert!((f64::from(found.row(i)[j]) - product[(i, j)]).abs() < 1e-6);
+            }
+        }
     }
 }

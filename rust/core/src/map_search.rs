@@ -47,12 +47,35 @@ const TURNED_EVERY: usize = 4;
 const ORIENTATION_FUNCTIONS: usize = 8;
 /// Below this size the orientation of a right map is as good as random.
 const ORIENTED_FROM: usize = 15;
+/// How far behind the best a candidate may be, by rank, once orientation counts: right ones stay below 1.15 at the end.
+pub const RANKED_WITHIN: Reach = Reach {
+    times: 1.6,
+    floor: 0.01,
+};
 /// A map's energy is weighted by this less its orientation.
 const ORIENTATION_OFFSET: f64 = 1.2;
 /// Queries whose costs are held at once: they then stay in the second-level cache.
 const QUERIES_AT_ONCE: usize = 64;
 /// Maps closer than this are the same.
 const SAME: f64 = 0.03;
+
+/// A multiple of the best figure. Equal maps of one shape differ by their samples only, the best
+/// of them by nothing: all figures up to the floor are as good as it.
+#[derive(Debug, Clone, Copy)]
+pub struct Reach {
+    /// Of the best, or of the floor.
+    pub times: f64,
+    /// Least figure that counts.
+    pub floor: f64,
+}
+
+impl Reach {
+    /// Up to where figures are in reach of the best.
+    #[must_use]
+    pub fn from(&self, best: f64) -> f64 {
+        self.times * best.max(self.floor)
+    }
+}
 
 /// How wide to search.
 #[derive(Debug, Clone, Copy)]
@@ -186,6 +209,11 @@ impl<'a> SampledPair<'a> {
                 Ok(siblings)
             })?;
             beam = self.pruned(children.into_iter().flatten().collect(), width.beam, BASIN);
+            if let Some(best) = beam.first().filter(|_| k >= ORIENTED_FROM) {
+                // A mirrored map that distorts less says that one shape is a mirror image.
+                let (rank, energy) = (RANKED_WITHIN.from(best.rank), best.energy);
+                beam.retain(|candidate| candidate.rank <= rank || candidate.energy < energy);
+            }
         }
         for _ in 0..2 {
             beam = each(&beam, |parent| self.refitted(parent, largest))?;

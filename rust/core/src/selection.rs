@@ -3,11 +3,11 @@
 use faer::{Mat, MatRef, Scale};
 use rayon::prelude::*;
 
-use crate::dense::{self, Rows};
+use crate::dense::Rows;
 use crate::descriptors::DETAIL_CURVATURES;
 use crate::error::{Error, Result};
 use crate::hints::Hints;
-use crate::map_search::Candidate;
+use crate::map_search::{Candidate, RANKED_WITHIN, Reach};
 use crate::nearest::nearest;
 use crate::orientation::{FUNCTIONS, TangentGradients, orientation};
 use crate::pair::{Mirror, Pair, Part, Shares};
@@ -23,12 +23,7 @@ const SCORED: usize = 12;
 const REFINED_SIZE: usize = 120;
 /// Candidates that take part in the vote.
 const VOTERS: usize = 8;
-/// How far behind the best a candidate may be to be scored, by rank, and to vote, by score.
-const SCORED_WITHIN: Reach = Reach {
-    // Right ones stay below 1.15.
-    times: 1.6,
-    floor: 0.01,
-};
+/// How far behind the best a candidate may be to vote, by score.
 const VOTING_WITHIN: Reach = Reach {
     // Right ones stay below 1.25.
     times: 2.0,
@@ -66,19 +61,6 @@ const DISTORTION_NOISE: f64 = 2e-3;
 const CURVATURE_FLOOR: f64 = 1e-5;
 /// Distances below this are compared for the grade; long ones differ between right maps too.
 const LOCAL: f64 = 0.35;
-
-/// A multiple of the best figure. Equal maps of one shape differ by their samples only, the best
-/// of them by nothing: all figures up to the floor are as good as it.
-struct Reach {
-    times: f64,
-    floor: f64,
-}
-
-impl Reach {
-    fn from(&self, best: f64) -> f64 {
-        self.times * best.max(self.floor)
-    }
-}
 
 /// A candidate after upsampling.
 #[derive(Debug)]
@@ -219,7 +201,7 @@ fn scored(
         .filter(|c| pair.mirror == Mirror::Allow || c.orientation >= MIRRORED)
         .take(if pair.uses(Part::Vote) { SCORED } else { 1 })
         .collect();
-    let Some(bound) = oriented.first().map(|best| SCORED_WITHIN.from(best.rank)) else {
+    let Some(bound) = oriented.first().map(|best| RANKED_WITHIN.from(best.rank)) else {
         return Err(Error::NoMap {
             reason: "every candidate is mirrored; if one shape is a mirror image, allow that"
                 .into(),
@@ -246,9 +228,7 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
     let (target, source) = (pair.target, pair.source);
     let k = matrix.ncols();
     let (ask_t, ask_s) = (judging(target), judging(source));
-    let rows_t = Rows::from_matrix(target.basis.functions.as_ref(), k);
-    let turned = dense::product(source.functions(k), matrix.as_ref());
-    let rows_s = Rows::from_matrix(turned.as_ref(), k);
+    let (rows_t, rows_s) = (target.rows.first(k), source.rows.times(matrix.as_ref()));
     let (images, back) = rayon::join(
         || nearest(&rows_t.gather(ask_t), &rows_s),
         || nearest(&rows_s.gather(ask_s), &rows_t),

@@ -43,15 +43,11 @@ pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<E
     let asking = target.drawn_vertices(ASKING);
     let asked = dense::gather_rows(target.functions(k), &asking, k);
     let asked_rows = Rows::from_matrix(asked.as_ref(), k);
-    let carried = |matrix: MatRef<'_, f64>| {
-        let turned = dense::product(source.functions(k), matrix);
-        Rows::from_matrix(turned.as_ref(), k)
-    };
     let mut images = Vec::new();
     let (mut steps, mut converged) = (0, false);
     while steps < STEPS && !converged {
         progress.check()?;
-        let found = nearest(&asked_rows, &carried(matrix.as_ref()));
+        let found = nearest(&asked_rows, &source.rows.times(matrix.as_ref()));
         let changed = found.iter().zip(&images).filter(|(a, b)| a != b).count();
         converged = found.len() == images.len() && changed <= found.len() / UNCHANGED_SHARE;
         images = found;
@@ -62,8 +58,8 @@ pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<E
     let (a, b) = (spectra(target, k), spectra(source, k));
     let residual = &dense::product(matrix.as_ref(), a.as_ref()) - &b;
     Ok(Embedding {
-        target: Rows::from_matrix(target.basis.functions.as_ref(), k),
-        source: carried(matrix.as_ref()),
+        target: target.rows.first(k),
+        source: source.rows.times(matrix.as_ref()),
         convergence: Convergence {
             energy: dense::squared_norm(residual.as_ref()) / dense::squared_norm(b.as_ref()),
             gradient_norm: None,

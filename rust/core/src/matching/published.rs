@@ -42,10 +42,9 @@ pub(super) fn by_paper(
         source_operator.as_ref(),
     );
     let minimum = objective.minimised(start.as_ref(), progress)?;
-    let turned = dense::product(source.functions(k), minimum.matrix.as_ref());
     Ok(Embedding {
-        target: Rows::from_matrix(target.basis.functions.as_ref(), k),
-        source: Rows::from_matrix(turned.as_ref(), k),
+        target: target.rows.first(k),
+        source: source.rows.times(minimum.matrix.as_ref()),
         convergence: Convergence {
             energy: minimum.energy,
             gradient_norm: Some(minimum.gradient_norm),

@@ -11,6 +11,7 @@
 
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
+use rayon::prelude::*;
 
 use crate::pointwise_map::SurfacePoint;
 use crate::refinement::piecewise_affine::Pull;
@@ -31,6 +32,8 @@ const FLAT: f64 = -0.05;
 const FLAT_WIDTH: f64 = 0.02;
 /// Cosine of normals below which a surface near by is the other side of something thin.
 const OTHER_SIDE: f64 = -0.2;
+/// Vertices that one thread looks at in a row.
+const VERTICES_AT_ONCE: usize = 512;
 
 /// Image of a vertex.
 #[derive(Debug)]
@@ -86,37 +89,43 @@ impl Foot {
 /// How much the surface bulges around each vertex: near 1 on a limb, near 0 in the crease between limb and trunk.
 #[must_use]
 pub fn bulging(shape: &Shape) -> Vec<f64> {
+    let n = shape.mesh.vertices.len();
+    let blocks: Vec<usize> = (0..n).step_by(VERTICES_AT_ONCE).collect();
+    let found = blocks.into_par_iter().flat_map_iter(|first| {
+        // The last vertex around which each was looked at.
+        let mut counted = vec![u32::MAX; n];
+        let mut region = Vec::new();
+        let block = first..n.min(first + VERTICES_AT_ONCE);
+        block.map(move |v| bulging_around(shape, v as u32, &mut counted, &mut region))
+    });
+    found.collect()
+}
+
+/// The same at one vertex.
+fn bulging_around(shape: &Shape, v: u32, counted: &mut [u32], region: &mut Vec<u32>) -> f64 {
     let (at, normals) = (&shape.mesh.vertices, &shape.normals);
-    // The last vertex around which each was looked at.
-    let mut counted: Vec<u32> = (0..at.len() as u32).collect();
-    let mut region: Vec<u32> = Vec::new();
-    (0..at.len() as u32)
-        .map(|v| {
-            let (here, normal) = (at[v as usize], normals[v as usize]);
-            let near = |u: usize| {
-                let off = vector::sub(at[u], here);
-                vector::dot(off, off) < REACH * REACH
-                    && vector::dot(normals[u], normal) > OTHER_SIDE
-            };
-            region.clear();
-            region.push(v);
-            counted[v as usize] = v;
-            let (mut next, mut area, mut height) = (0, 0.0, 0.0);
-            while let Some(&u) = region.get(next) {
-                next += 1;
-                let mass = shape.mass[u as usize];
-                area += mass;
-                height += mass * vector::dot(vector::sub(at[u as usize], here), normal);
-                for &w in shape.neighbours.row(u as usize) {
-                    if std::mem::replace(&mut counted[w as usize], v) != v && near(w as usize) {
-                        region.push(w);
-                    }
-                }
+    let (here, normal) = (at[v as usize], normals[v as usize]);
+    let near = |u: usize| {
+        let off = vector::sub(at[u], here);
+        vector::dot(off, off) < REACH * REACH && vector::dot(normals[u], normal) > OTHER_SIDE
+    };
+    region.clear();
+    region.push(v);
+    counted[v as usize] = v;
+    let (mut next, mut area, mut height) = (0, 0.0, 0.0);
+    while let Some(&u) = region.get(next) {
+        next += 1;
+        let mass = shape.mass[u as usize];
+        area += mass;
+        height += mass * vector::dot(vector::sub(at[u as usize], here), normal);
+        for &w in shape.neighbours.row(u as usize) {
+            if std::mem::replace(&mut counted[w as usize], v) != v && near(w as usize) {
+                region.push(w);
             }
-            let height = shape.volume_sign * height / (area * REACH);
-            1.0 / (1.0 + ((height - FLAT) / FLAT_WIDTH).exp())
-        })
-        .collect()
+        }
+    }
+    let height = shape.volume_sign * height / (area * REACH);
+    1.0 / (1.0 + ((height - FLAT) / FLAT_WIDTH).exp())
 }
 
 /// Root mean square distance between matched points, with weights, after the affine map that brings the first of each

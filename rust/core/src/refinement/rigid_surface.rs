@@ -34,8 +34,8 @@ const LEAST_PULL: f64 = 1e-9;
 type Rotation = [Point; 3];
 
 /// A surface on its way to given points.
-pub struct RigidSurface<'a> {
-    rest: &'a [Point],
+pub struct RigidSurface {
+    rest: Vec<Point>,
     edges: EdgeWeights,
     /// Lower half of μW + diag(w) with the last pulls, the diagonal first in each column.
     matrix: SparseColMat<usize, f64>,
@@ -47,13 +47,13 @@ pub struct RigidSurface<'a> {
     pub positions: Vec<Point>,
 }
 
-impl<'a> RigidSurface<'a> {
-    /// A surface at the given positions, which a rotation may have brought there.
+impl RigidSurface {
+    /// A surface at rest, from where its positions may be set to what a rotation makes of them.
     ///
     /// # Errors
     /// [`Error::NotFactorised`].
-    pub fn new(rest: &'a [Point], triangles: &[[u32; 3]], positions: Vec<Point>) -> Result<Self> {
-        let (n, edges) = (rest.len(), EdgeWeights::new(rest, triangles));
+    pub fn new(rest: Vec<Point>, triangles: &[[u32; 3]]) -> Result<Self> {
+        let (n, edges) = (rest.len(), EdgeWeights::new(&rest, triangles));
         let mut stiffness = vec![0.0; n];
         let mut entries = Vec::with_capacity(n + edges.weights.len() / 2);
         for (i, diagonal) in stiffness.iter_mut().enumerate() {
@@ -75,7 +75,7 @@ impl<'a> RigidSurface<'a> {
             symbolic,
             rotations: vec![[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]; n],
             edges,
-            positions,
+            positions: rest.clone(),
             rest,
         })
     }
@@ -239,7 +239,8 @@ mod tests {
     fn three_drawn_vertices_move_a_rigid_surface_as_a_whole() {
         let (rest, triangles) = strip();
         let there: Vec<Point> = rest.iter().map(|&p| moved(p)).collect();
-        let mut surface = RigidSurface::new(&rest, &triangles, there.clone()).expect("a pattern");
+        let mut surface = RigidSurface::new(rest.clone(), &triangles).expect("a pattern");
+        surface.positions.clone_from(&there);
         let pulls: Vec<(f64, Point)> = (0..rest.len())
             .map(|i| {
                 if [0, 3, 37].contains(&i) {
@@ -294,7 +295,8 @@ mod tests {
             .enumerate()
             .map(|(i, p)| vector::add(*p, [0.0, 0.05 * (i as f64 * 2.4).sin(), 0.0]))
             .collect();
-        let mut surface = RigidSurface::new(&rest, &triangles, noisy.clone()).expect("a pattern");
+        let mut surface = RigidSurface::new(rest.clone(), &triangles).expect("a pattern");
+        surface.positions.clone_from(&noisy);
         // Weak against the rigidity.
         let pulls: Vec<(f64, Point)> = noisy
             .iter()
