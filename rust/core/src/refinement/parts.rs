@@ -33,7 +33,7 @@ const FLAT_WIDTH: f64 = 0.02;
 /// Cosine of normals below which a surface near by is the other side of something thin.
 const OTHER_SIDE: f64 = -0.2;
 /// Vertices that one thread looks at in a row.
-const VERTICES_AT_ONCE: usize = 512;
+const VERTICES_AT_ONCE: usize = 256;
 
 /// Image of a vertex.
 #[derive(Debug)]
@@ -86,19 +86,36 @@ impl Foot {
     }
 }
 
-/// How much the surface bulges around each vertex: near 1 on a limb, near 0 in the crease between limb and trunk.
+/// How much the surface bulges around each vertex: near 1 on a limb, near 0 in the crease between limb and trunk. It is
+/// looked at around vertices of which no two are neighbours; the others have the mean of those beside them.
 #[must_use]
 pub fn bulging(shape: &Shape) -> Vec<f64> {
+    const NONE: usize = usize::MAX;
     let n = shape.mesh.vertices.len();
-    let blocks: Vec<usize> = (0..n).step_by(VERTICES_AT_ONCE).collect();
-    let found = blocks.into_par_iter().flat_map_iter(|first| {
+    let (mut number, mut chosen) = (vec![NONE; n], Vec::new());
+    for v in 0..n {
+        let mut beside = shape.neighbours.row(v).iter();
+        if beside.all(|&u| number[u as usize] == NONE) {
+            number[v] = chosen.len();
+            chosen.push(v as u32);
+        }
+    }
+    let blocks = chosen.par_chunks(VERTICES_AT_ONCE).flat_map_iter(|block| {
         // The last vertex around which each was looked at.
         let mut counted = vec![u32::MAX; n];
         let mut region = Vec::new();
-        let block = first..n.min(first + VERTICES_AT_ONCE);
-        block.map(move |v| bulging_around(shape, v as u32, &mut counted, &mut region))
+        let around = move |&v: &u32| bulging_around(shape, v, &mut counted, &mut region);
+        block.iter().map(around)
     });
-    found.collect()
+    let found: Vec<f64> = blocks.collect();
+    let mean = |v: usize| {
+        let beside = shape.neighbours.row(v).iter();
+        let known = beside.filter_map(|&u| found.get(number[u as usize]));
+        let (sum, count) = known.fold((0.0, 0.0), |(sum, count), f| (sum + f, count + 1.0));
+        sum / count
+    };
+    let at = |v: usize| found.get(number[v]).copied().unwrap_or_else(|| mean(v));
+    (0..n).map(at).collect()
 }
 
 /// The same at one vertex.
