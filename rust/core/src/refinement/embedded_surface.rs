@@ -674,6 +674,10 @@ impl<'a> Refined<'a> {
             })
             .collect();
         let same_pose = parts::off_affine(&matched).is_some_and(|off| off <= SAME_POSE);
+        let whole_still = as_matrix(&still.mesh.vertices);
+        if same_pose {
+            return self.slide(sliding, whole_still.as_ref(), check);
+        }
         let lengths = self.lengths;
         let stretch = |images: &Images| {
             let all = 0..images.vertex.len() as u32;
@@ -681,11 +685,7 @@ impl<'a> Refined<'a> {
         };
         let kept = self.kept();
         let before = stretch(&self.moving.images);
-        let whole_still = as_matrix(&still.mesh.vertices);
         self.slide(sliding, whole_still.as_ref(), check)?;
-        if same_pose {
-            return Ok(());
-        }
         if stretch(&self.moving.images) > MOST_STRETCHED * before {
             self.put_back(kept, whole_still.as_ref());
             return Ok(());

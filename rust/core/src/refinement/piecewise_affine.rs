@@ -84,7 +84,9 @@ impl PiecewiseAffine {
     /// [`Error::NotFactorised`].
     pub fn new(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Result<Self> {
         let mut near = nearest_nodes(rest, neighbours, nodes);
-        let order = elimination_order(nodes.len(), pairs_of(nodes.len(), &near, neighbours))?;
+        let mut links = links(&near, neighbours);
+        let mut pairs = pairs_of(nodes.len(), &near, &links);
+        let order = elimination_order(nodes.len(), &pairs)?;
         let mut number = vec![0; order.len()];
         for (new, &old) in (0..).zip(&order) {
             number[old as usize] = new;
@@ -92,6 +94,11 @@ impl PiecewiseAffine {
         for (node, _) in near.iter_mut().flatten() {
             *node = number[*node as usize];
         }
+        for pair in links.iter_mut().chain(&mut pairs) {
+            let (a, b) = (number[pair.0 as usize], number[pair.1 as usize]);
+            *pair = (a.max(b), a.min(b));
+        }
+        links.sort_unstable();
         let nodes: Vec<Point> = order
             .iter()
             .map(|&old| rest[nodes[old as usize] as usize])
@@ -100,7 +107,7 @@ impl PiecewiseAffine {
             .iter()
             .map(|found| found[0].1)
             .fold(f64::MIN_POSITIVE, f64::max);
-        let equations = Equations::new(nodes.len(), pairs_of(nodes.len(), &near, neighbours))?;
+        let equations = Equations::new(nodes.len(), pairs)?;
         let mut carried: Vec<Carried> = (0..)
             .zip(rest.iter().zip(&near))
             .map(|(vertex, (&p, found))| {
@@ -117,7 +124,7 @@ impl PiecewiseAffine {
             })
             .collect();
         carried.sort_by_key(|carried| carried.blocks);
-        let links: Vec<([u32; 2], [u32; 3])> = links(&near, neighbours)
+        let links: Vec<([u32; 2], [u32; 3])> = links
             .into_iter()
             .map(|(a, b)| {
                 let blocks = [(a, a), (a, b), (b, b)];
@@ -340,32 +347,32 @@ fn symbolic(
 }
 
 /// The nodes in an order in which eliminating one after the other fills in little, from pairs of them that depend on
-/// one another, the last first.
-fn elimination_order(nodes: usize, mut pairs: Vec<(u32, u32)>) -> Result<Vec<u32>> {
-    pairs.sort_unstable();
-    pairs.dedup();
+/// one another, the last first, sorted.
+fn elimination_order(nodes: usize, pairs: &[(u32, u32)]) -> Result<Vec<u32>> {
     let mut pointers = vec![0; nodes + 1];
-    for &(last, _) in &pairs {
+    for &(last, _) in pairs {
         pointers[last as usize + 1] += 1;
     }
     for column in 0..nodes {
         pointers[column + 1] += pointers[column];
     }
-    let rows: Vec<u32> = pairs.into_iter().map(|(_, first)| first).collect();
+    let rows: Vec<u32> = pairs.iter().map(|&(_, first)| first).collect();
     let found = symbolic(pattern(nodes, &pointers, &rows), SymmetricOrdering::Amd)?;
     let order = found.perm().map(|order| order.arrays().0.to_vec());
     Ok(order.unwrap_or_else(|| (0..nodes as u32).collect()))
 }
 
-/// Nodes that carry a vertex together or are neighbours, the last first, and each with itself.
-fn pairs_of(nodes: usize, near: &[Vec<(u32, f64)>], neighbours: &Adjacency) -> Vec<(u32, u32)> {
+/// Nodes that carry a vertex together or are linked, the last first, and each with itself, sorted.
+fn pairs_of(nodes: usize, near: &[Vec<(u32, f64)>], links: &[(u32, u32)]) -> Vec<(u32, u32)> {
     let own = (0..nodes as u32).map(|node| (node, node));
-    let mut pairs: Vec<(u32, u32)> = own.chain(links(near, neighbours)).collect();
+    let mut pairs: Vec<(u32, u32)> = own.chain(links.iter().copied()).collect();
     for found in near {
         for (i, &(a, _)) in found.iter().enumerate() {
             pairs.extend(found[..i].iter().map(|&(b, _)| (a.max(b), a.min(b))));
         }
     }
+    pairs.sort_unstable();
+    pairs.dedup();
     pairs
 }
 
