@@ -14,7 +14,7 @@ use crate::vector::{self, Point};
 const WITNESSES: usize = 80;
 /// Distance at unit area from which on a sample says nothing; its weight (1 − d²/h²)⁴ has fallen to 1/e at
 /// half of that.
-const HORIZON: f32 = 0.5;
+const HORIZON: f32 = 0.4;
 /// Keeps the weights' sum above zero.
 const WEIGHT_FLOOR: f32 = 1e-6;
 /// Vertices that are treated at once.

@@ -12,7 +12,6 @@ use crate::nearest::nearest;
 use crate::orientation::{FUNCTIONS, TangentGradients, orientation};
 use crate::pair::{Mirror, Pair, Part, Shares};
 use crate::refinement::embedded_surface::{self, Refined};
-use crate::refinement::side::Side;
 use crate::refinement::upsampling::{self, UPSAMPLED_SIZE};
 use crate::shape::{JUDGED, Shape};
 use crate::vector;
@@ -131,8 +130,8 @@ pub struct Hypothesis {
     pub in_place: bool,
     /// How many units of length of the source one of the target is, where that is known, else 1.
     pub lengths: f64,
-    /// Source vertices of the target's judging samples.
-    pub images: Vec<u32>,
+    /// Source vertices of the target's farthest-point samples, and target vertices of the source's.
+    pub images: [Vec<u32>; 2],
 }
 
 impl Hypothesis {
@@ -145,7 +144,13 @@ impl Hypothesis {
     /// Replaces its figures and images by those of its completed map.
     pub fn judge_anew(&mut self, figures: Figures, completed: &Refined<'_>) {
         self.figures = figures;
-        self.images = judged_images(completed.target());
+        self.images = sampled_images(completed);
+    }
+
+    /// Source vertices of the samples on which maps are judged.
+    #[must_use]
+    pub fn judged_images(&self) -> &[u32] {
+        of_judged(&self.images[0])
     }
 }
 
@@ -411,25 +416,40 @@ fn judged(
     let state = embedded_surface::refined(
         &unguided,
         scored.matrix.as_ref(),
+        None,
         embedded_surface::SHORT,
         &|_| check(),
     )?;
-    let (on_source, on_target) = (drawn_images(state.target()), drawn_images(state.source()));
-    let mut figures = figures(pair, scored.matrix.as_ref(), &on_source, &on_target);
-    figures.contradiction = scored.contradiction + off_symmetry(pair, &on_source);
+    let images = sampled_images(&state);
+    let mut figures = figures(pair, scored.matrix.as_ref(), &images);
+    figures.contradiction = scored.contradiction + off_symmetry(pair, of_judged(&images[0]));
     Ok(Hypothesis {
         matrix: state.low_map(REFINED_SIZE)?,
         figures,
         shares: pair.shares,
         in_place: false,
         lengths: pair.lengths,
-        images: on_source,
+        images,
     })
 }
 
-/// Images of the samples on which maps are judged, where drawn vertices ask, which begin with them.
-fn drawn_images(side: &Side<'_>) -> Vec<u32> {
-    side.images.vertex[..judging(side.shape).len()].to_vec()
+/// Source vertices of the target's farthest-point samples, and target vertices of the source's: drawn vertices that
+/// ask begin with the samples.
+#[must_use]
+pub fn sampled_images(map: &Refined<'_>) -> [Vec<u32>; 2] {
+    [map.target(), map.source()].map(|side| {
+        let (samples, images) = (&side.shape.farthest, &side.images.vertex);
+        if side.asking.starts_with(samples) {
+            images[..samples.len()].to_vec()
+        } else {
+            samples.iter().map(|&v| images[v as usize]).collect()
+        }
+    })
+}
+
+/// Of the images of all samples those of the samples on which maps are judged.
+fn of_judged(images: &[u32]) -> &[u32] {
+    &images[..JUDGED.min(images.len())]
 }
 
 /// Plausible maps of a part into a whole, best first: first maps, `(kₛ, kₜ)`, refined for a short while. How long the
@@ -451,22 +471,22 @@ pub fn of_part(
         .map(|first| {
             let schedule = embedded_surface::OF_PART;
             let state =
-                embedded_surface::refined(&unguided, first.as_ref(), schedule, &|_| check())?;
-            let (on_source, on_target) =
-                (drawn_images(state.target()), drawn_images(state.source()));
+                embedded_surface::refined(&unguided, first.as_ref(), None, schedule, &|_| check())?;
+            let images = sampled_images(&state);
+            let on_source = of_judged(&images[0]);
             let matrix = state.low_map(UPSAMPLED_SIZE)?;
-            let mut figures = figures(pair, matrix.as_ref(), &on_source, &on_target);
+            let mut figures = figures(pair, matrix.as_ref(), &images);
             let of_landmarks = landmark_images(pair, &state.target().rows, &state.source().rows);
             figures.contradiction = missed_landmarks(pair, &of_landmarks)
-                + off_axes(pair, &on_source)
-                + off_symmetry(pair, &on_source);
+                + off_axes(pair, on_source)
+                + off_symmetry(pair, on_source);
             Ok(Hypothesis {
                 matrix,
                 figures,
                 shares: pair.shares,
                 in_place: false,
                 lengths: pair.lengths,
-                images: on_source,
+                images,
             })
         })
         .collect::<Result<_>>()?;
@@ -483,28 +503,29 @@ pub fn of_part(
 /// # Errors
 /// [`crate::Error::NotFactorised`].
 pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Result<Hypothesis> {
-    let (asking, answering) = (found.target(), found.source());
+    let asking = found.target();
     let matrix = found.low_map(UPSAMPLED_SIZE)?;
-    let (on_source, on_target) = (judged_images(asking), judged_images(answering));
-    let mut figures = figures(pair, matrix.as_ref(), &on_source, &on_target);
+    let images = sampled_images(found);
+    let [on_source, on_target] = images.each_ref().map(|images| of_judged(images));
+    let mut figures = figures(pair, matrix.as_ref(), &images);
     // Spectra of a part and of the whole say little of which side is up; here normals do.
     figures.orientation = pair
         .shares
         .mean(
-            facing(pair.target, pair.source, &on_source),
-            facing(pair.source, pair.target, &on_target),
+            facing(pair.target, pair.source, on_source),
+            facing(pair.source, pair.target, on_target),
         )
         .abs();
     let image = |&(_, t): &(u32, u32)| asking.images.vertex[t as usize];
     let of_landmarks: Vec<u32> = pair.hints.landmarks.iter().map(image).collect();
-    figures.contradiction = missed_landmarks(pair, &of_landmarks) + off_axes(pair, &on_source);
+    figures.contradiction = missed_landmarks(pair, &of_landmarks) + off_axes(pair, on_source);
     Ok(Hypothesis {
         matrix,
         figures,
         shares: pair.shares,
         in_place: true,
         lengths: pair.lengths,
-        images: on_source,
+        images,
     })
 }
 
@@ -520,30 +541,17 @@ fn facing(asking: &Shape, answering: &Shape, images: &[u32]) -> f64 {
     sum / images.len() as f64
 }
 
-/// Images of the samples on which maps are judged, where all vertices ask.
-#[must_use]
-pub fn judged_images(side: &Side<'_>) -> Vec<u32> {
-    judging(side.shape)
-        .iter()
-        .map(|&v| side.images.vertex[v as usize])
-        .collect()
-}
-
 /// The samples on which maps are judged.
 #[must_use]
 pub fn judging(shape: &Shape) -> &[u32] {
     shape.farthest_points(JUDGED)
 }
 
-/// Orientation and local distortion of a map, given the images of both shapes' judging samples.
+/// Orientation and local distortion of a map, given the images of both shapes' farthest-point samples.
 #[must_use]
-pub fn figures(
-    pair: &Pair<'_>,
-    matrix: MatRef<'_, f64>,
-    on_source: &[u32],
-    on_target: &[u32],
-) -> Figures {
+pub fn figures(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &[Vec<u32>; 2]) -> Figures {
     let (target, source) = (pair.target, pair.source);
+    let [on_source, on_target] = images.each_ref().map(|images| of_judged(images));
     // In the unit of the shape that asks, so that a part gains nothing by being taken for a smaller one.
     let change = |a: &Shape, unit: f64, b: &Shape, images: &[u32]| {
         let there = Scale(1.0 / unit) * b.spectral_distances(images, images);
@@ -625,13 +633,13 @@ pub fn merged(source: &Shape, some: Vec<Hypothesis>, more: Vec<Hypothesis>) -> V
 /// Whether two hypotheses are one map but for details.
 #[must_use]
 pub fn say_the_same(source: &Shape, a: &Hypothesis, b: &Hypothesis) -> bool {
-    source.mean_spectral_distance(&a.images, &b.images) <= DIFFERENT
+    source.mean_spectral_distance(a.judged_images(), b.judged_images()) <= DIFFERENT
 }
 
 /// Holds the symmetry of both shapes, found since, against hypotheses that were made without it.
 pub fn hold_symmetry_against(pair: &Pair<'_>, hypotheses: &mut [Hypothesis]) {
     for hypothesis in hypotheses {
-        hypothesis.figures.contradiction += off_symmetry(pair, &hypothesis.images);
+        hypothesis.figures.contradiction += off_symmetry(pair, hypothesis.judged_images());
     }
 }
 
@@ -647,12 +655,13 @@ pub fn stands_alone(hypotheses: &[Hypothesis]) -> bool {
 /// Writes into all figures how far each map lies from the chosen one, and how clearly that one
 /// stands before the best that differs.
 pub fn compare_with_chosen(source: &Shape, chosen: usize, hypotheses: &mut [Hypothesis]) {
-    let images = hypotheses[chosen].images.clone();
+    let images = hypotheses[chosen].judged_images().to_vec();
     let mut margin = MARGIN_AT_MOST;
     let rank = hypotheses[chosen].figures.rank();
     for hypothesis in hypotheses.iter_mut() {
+        let apart = source.mean_spectral_distance(hypothesis.judged_images(), &images);
         let figures = &mut hypothesis.figures;
-        figures.apart = source.mean_spectral_distance(&hypothesis.images, &images);
+        figures.apart = apart;
         if figures.apart > ANOTHER_MAP {
             margin = margin.min(figures.rank() / rank);
         }

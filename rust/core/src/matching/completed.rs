@@ -128,8 +128,7 @@ pub(super) fn judged(
         ..selection::figures(
             pair,
             of_part.as_ref().unwrap_or(&hypothesis.matrix).as_ref(),
-            &selection::judged_images(map.target()),
-            &selection::judged_images(map.source()),
+            &selection::sampled_images(map),
         )
     })
 }
@@ -153,6 +152,7 @@ fn refined<'a>(
     let state = embedded_surface::refined(
         &pair,
         hypothesis.matrix.as_ref(),
+        Some(&hypothesis.images),
         embedded_surface::FULL,
         &|f| report("refinement", 0.9 * f),
     )?;

@@ -65,7 +65,7 @@ pub(super) fn may_be_part(pair: &Pair<'_>, map: &Hypothesis, (_, lengths): (Whic
 
 /// Whether a map makes distances rather so many times as long than leaving them.
 fn grows_to(pair: &Pair<'_>, map: &Hypothesis, lengths: f64) -> bool {
-    let growth = growth_at_samples(pair.target, pair.source, &map.images);
+    let growth = growth_at_samples(pair.target, pair.source, map.judged_images());
     (growth / lengths).ln().abs() < growth.ln().abs()
 }
 

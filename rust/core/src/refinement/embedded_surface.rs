@@ -109,9 +109,6 @@ const AT_REST: f64 = 0.015;
 const CLIMB: &[usize] = &[60, 80, 100, 120];
 /// Those of the second way before it climbs.
 const DETOUR: &[usize] = &[15, 20, 30, 40, 15, 20, 30, 40];
-/// Vertices that ask on the second way for all of a shape: with those of the other some 27 equations for each of 120
-/// eigenfunctions. On the first way and the second climb as few save nothing, since their images are spread again.
-const ASKING_ON_DETOUR: usize = 1_600;
 /// What surfaces are low-passed to at least, so that a limb is no line, which has no sides. The first way's
 /// climb keeps a gorilla's leg from being twisted by doing without.
 const DETAIL: usize = 100;
@@ -185,18 +182,20 @@ pub struct Refined<'a> {
 
 /// Refines a `(kₛ, kₜ)` map of low eigenfunctions, target coefficients → source coefficients.
 ///
-/// `report` is told the fraction done.
+/// `samples` are the images of the target's farthest-point samples on the source and of the source's on the target, where
+/// they are known. `report` is told the fraction done.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
 pub fn refined<'a>(
     pair: &Pair<'a>,
     matrix: MatRef<'_, f64>,
+    samples: Option<&[Vec<u32>; 2]>,
     schedule: Schedule,
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Refined<'a>> {
     let start = || report(0.0);
-    let state = Refined::start(pair, matrix, schedule.drawn, &start)?;
+    let state = Refined::start(pair, matrix, samples, schedule.drawn, &start)?;
     state.refined(pair, schedule, report)
 }
 
@@ -312,10 +311,12 @@ impl<'a> Refined<'a> {
     fn start(
         pair: &Pair<'a>,
         matrix: MatRef<'_, f64>,
+        samples: Option<&[Vec<u32>; 2]>,
         drawn: Option<usize>,
         check: Check<'_>,
     ) -> Result<Self> {
         check()?;
+        let [of_target, of_source] = [0, 1].map(|i| samples.map(|samples| samples[i].as_slice()));
         let moving_is = pair.shares.part().unwrap_or(Which::Target);
         let mut state = Self::unknown(pair, moving_is, drawn);
         let [target, source] = state.sides_mut();
@@ -328,7 +329,7 @@ impl<'a> Refined<'a> {
                 first_images(
                     &mut target.images,
                     &target.asking,
-                    pair.target,
+                    (pair.target, of_target),
                     (&target.rows, &target.neighbours),
                     (&source.rows, &pair.source.neighbours),
                     check,
@@ -338,7 +339,7 @@ impl<'a> Refined<'a> {
                 first_images(
                     &mut source.images,
                     &source.asking,
-                    pair.source,
+                    (pair.source, of_source),
                     (&source.rows, &source.neighbours),
                     (&target.rows, &pair.target.neighbours),
                     check,
@@ -529,7 +530,8 @@ impl<'a> Refined<'a> {
         let given = self.target().rows.dims;
         let climbed = CLIMB.partition_point(|&k| k <= given);
         let straight = &CLIMB[climbed.min(CLIMB.len() - 1)..];
-        let mut other = detour.then(|| self.thinned(ASKING_ON_DETOUR));
+        // On the first way and the second climb fewer askers save nothing, since their images are spread again.
+        let mut other = detour.then(|| self.thinned());
         let (climbed, came_around) = rayon::join(
             || self.climb(straight, 0, report),
             || {
@@ -548,10 +550,10 @@ impl<'a> Refined<'a> {
     }
 
     /// The same where only some vertices of each shape ask for all.
-    fn thinned(&self, count: usize) -> Self {
+    fn thinned(&self) -> Self {
         Self {
-            moving: self.moving.thinned(count),
-            still: self.still.thinned(count),
+            moving: self.moving.thinned(),
+            still: self.still.thinned(),
             moving_is: self.moving_is,
             deformed: self.deformed.clone(),
             matrix: self.matrix.clone(),
@@ -881,20 +883,17 @@ impl<'a> Refined<'a> {
     /// Low-passed surface plus the smooth displacement that brings it onto the other.
     fn displaced(&self, [_, answered]: &[Rows; 2], check: Check<'_>) -> Result<Mat<f64>> {
         let (m, s) = (&self.moving, &self.still);
-        let own_shift = &m.weighted_rows(s.smoothed.as_ref(), &m.images.vertex)
-            - &m.weighted_rows(m.smoothed.as_ref(), &m.asking);
-        let answered_shift = &s.weighted_rows(s.smoothed.as_ref(), &s.asking)
-            - &s.weighted_rows(m.smoothed.as_ref(), &s.images.vertex);
+        let own_shift = m.shifts(m.smoothed.as_ref(), s.smoothed.as_ref());
+        let back = s.shifts(s.smoothed.as_ref(), m.smoothed.as_ref());
         check()?;
         let k = answered.dims;
-        let gram = &m.own_gram(k) + &dense::gram(answered.as_columns());
+        let gram = m.own_gram(k) + &dense::gram(answered.as_columns());
         check()?;
         let products = |functions: MatRef<'_, f32>, shift: &Mat<f64>| {
             let shift = Rows::from_matrix(shift.as_ref(), 3);
             dense::sum_of_products(functions, shift.as_columns())
         };
-        let right =
-            products(m.own(k), &own_shift) + products(answered.as_columns(), &answered_shift);
+        let right = products(m.own(k), &own_shift) - products(answered.as_columns(), &back);
         let values = &m.shape.basis.values;
         let scale = DISPLACEMENT_RIDGE / values[SMOOTHNESS_PAIR.min(values.len() - 1)];
         let shift = dense::solve_with_ridge(gram, |i| scale * values[i] + 1e-12, right.as_ref())?;
@@ -987,7 +986,7 @@ fn fitted(
     check: Check<'_>,
 ) -> Result<(Mat<f64>, Vec<f64>)> {
     check()?;
-    let ((asked_gram, asked_right), (to_gram, to_right, answered)) = rayon::join(
+    let ((asked_gram, asked_right), (to_right, answered)) = rayon::join(
         || {
             let asked = asked.as_columns();
             let right = dense::sum_of_products(asked, from.own(k_from));
@@ -995,12 +994,12 @@ fn fitted(
         },
         || {
             let right = dense::sum_of_products(to.own(k_to), answered.as_columns());
-            (to.own_gram(k_to), right, answered.squares())
+            (right, answered.squares())
         },
     );
     check()?;
     let right = asked_right + to_right;
-    let gram = asked_gram + to_gram;
+    let gram = asked_gram + to.own_gram(k_to);
     let matrix = dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())?;
     let squares = from.own_squares(k_from).iter().zip(&answered);
     let shared = squares
@@ -1014,20 +1013,20 @@ fn fitted(
     Ok((matrix, shared))
 }
 
-/// Exhaustive for the farthest-point samples, spread from there to the vertices that ask.
+/// Exhaustive where few ask; where all do, for the farthest-point samples whose images are not known, and spread from
+/// there.
 fn first_images(
     images: &mut Images,
     asking: &[u32],
-    own: &Shape,
+    (own, samples): (&Shape, Option<&[u32]>),
     (own_rows, neighbours): (&Rows, &Adjacency),
     (other_rows, other_neighbours): (&Rows, &Adjacency),
     check: Check<'_>,
 ) -> Result<()> {
-    let spread = asking.len() == own.mesh.vertices.len();
-    let known: &[u32] = if spread { &own.farthest } else { asking };
-    let found = nearest_unless(&own_rows.gather(known), other_rows, check)?;
-    if spread {
-        for (&v, &image) in known.iter().zip(&found) {
+    let nearest = |vertices: &[u32]| nearest_unless(&own_rows.gather(vertices), other_rows, check);
+    if asking.len() == own.mesh.vertices.len() {
+        let found = samples.map_or_else(|| nearest(&own.farthest), |known| Ok(known.to_vec()))?;
+        for (&v, &image) in own.farthest.iter().zip(&found) {
             images.vertex[v as usize] = image;
         }
         images.settle(
@@ -1038,7 +1037,7 @@ fn first_images(
             check,
         )?;
     } else {
-        images.vertex = found;
+        images.vertex = nearest(asking)?;
     }
     Ok(())
 }

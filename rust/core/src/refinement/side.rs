@@ -28,6 +28,10 @@ pub(super) struct Weights {
     pub functions: usize,
 }
 
+/// Vertices of a whole shape that fits are made of: with those of the other some 21 equations for each of 150
+/// eigenfunctions. With all, or with 2,500, no error is smaller.
+const FITTING: usize = 1_600;
+
 /// Vertices whose rows are written at once, by one thread.
 const EMBEDDED_AT_ONCE: usize = 512;
 
@@ -38,8 +42,10 @@ pub struct Side<'a> {
     pub shape: &'a Shape,
     /// Vertices that ask.
     pub asking: Vec<u32>,
-    /// Weight of each in the fits; they sum to this side's share.
+    /// Weight of each; they sum to this side's share.
     pub(super) weights: Vec<f64>,
+    /// Those of them that the fits are made of.
+    fitting: Fitting,
     /// Which asking vertices are neighbours (none when only some ask).
     pub(super) neighbours: Adjacency,
     /// Images of the asking vertices on the other shape.
@@ -56,12 +62,71 @@ pub struct Side<'a> {
     extrinsic: bool,
     /// Where landmarks ask, as (number of the asking vertex, image).
     known: Vec<(u32, u32)>,
-    /// √w times this shape's eigenfunctions at the asking vertices.
-    own: Rows,
-    /// Sum of the squares of each.
-    own_squares: Vec<f32>,
     /// Embedding of every vertex in the last step.
     pub rows: Rows,
+}
+
+/// The asking vertices that fits are made of: a few hundred for each unknown say as much as all.
+#[derive(Debug, Clone)]
+struct Fitting {
+    /// Their numbers among those that ask.
+    numbers: Vec<u32>,
+    /// Weight of each, with that of those nearest to it that only ask.
+    weights: Vec<f64>,
+    /// √w times their shape's eigenfunctions.
+    own: Rows,
+    /// Sum of the squares of each.
+    squares: Vec<f32>,
+    /// Their Gram matrix, its lower half.
+    gram: Mat<f64>,
+}
+
+impl Fitting {
+    /// These asking vertices with these weights.
+    fn new(shape: &Shape, asking: &[u32], numbers: Vec<u32>, weights: Vec<f64>) -> Self {
+        let vertices: Vec<u32> = numbers.iter().map(|&i| asking[i as usize]).collect();
+        let functions = &shape.rows;
+        let own = functions.gather_weighted(&vertices, &weights, functions.dims);
+        let gram = if numbers.len() == shape.mesh.vertices.len() {
+            // Weighted by their areas: orthonormal.
+            let share = weights.iter().sum::<f64>();
+            let k = functions.dims;
+            Mat::from_fn(k, k, |i, j| if i == j { share } else { 0.0 })
+        } else {
+            dense::gram(own.as_columns())
+        };
+        Self {
+            numbers,
+            squares: own.squares(),
+            gram,
+            own,
+            weights,
+        }
+    }
+
+    /// All that ask.
+    fn all(shape: &Shape, asking: &[u32], weights: &[f64]) -> Self {
+        let numbers = (0..asking.len() as u32).collect();
+        Self::new(shape, asking, numbers, weights.to_vec())
+    }
+
+    /// [Some](FITTING) of a shape's vertices, all of which ask, and these.
+    fn drawn(shape: &Shape, weights: &[f64], with: &[(u32, u32)]) -> Self {
+        let all: Vec<u32> = (0..weights.len() as u32).collect();
+        if all.len() <= FITTING {
+            return Self::all(shape, &all, weights);
+        }
+        let mut drawn = shape.drawn_vertices(FITTING);
+        drawn.extend(with.iter().map(|&(own, _)| own));
+        drawn.sort_unstable();
+        drawn.dedup();
+        let mut gathered = vec![0.0; drawn.len()];
+        let cells = mesh::cells(&shape.neighbours, &drawn);
+        for (cell, w) in cells.into_iter().zip(weights) {
+            gathered[cell as usize] += w;
+        }
+        Self::new(shape, &all, drawn, gathered)
+    }
 }
 
 impl<'a> Side<'a> {
@@ -115,7 +180,12 @@ impl<'a> Side<'a> {
                 }
             },
         );
-        let own = weighted_functions(shape, &asking, &weights);
+        // What a part shows of the whole is little enough.
+        let fitting = if drawn.is_some() || pair.shares.part().is_some() {
+            Fitting::all(shape, &asking, &weights)
+        } else {
+            Fitting::drawn(shape, &weights, &known)
+        };
         Self {
             coordinates: dense::product(shape.basis.functions.transpose(), weighted.as_ref()),
             images: Images::unknown(asking.len()),
@@ -127,40 +197,37 @@ impl<'a> Side<'a> {
             known,
             smoothed: Mat::zeros(0, 3),
             low_passed_to: 0,
-            own_squares: own.squares(),
-            own,
+            fitting,
             rows: Rows::zeros(0, 1),
             shape,
         }
     }
 
-    /// The same side where some `count` vertices ask for all, each with the weight of those nearest to it, and are
-    /// neighbours where these are.
-    pub(super) fn thinned(&self, count: usize) -> Self {
-        let n = self.asking.len();
-        if n < self.shape.mesh.vertices.len() || n <= count {
+    /// The same side where only [some](FITTING) vertices ask for all. They are neighbours where those nearest to them
+    /// are.
+    pub(super) fn thinned(&self) -> Self {
+        let (n, shape) = (self.asking.len(), self.shape);
+        if n < shape.mesh.vertices.len() || n <= FITTING {
             return self.clone();
         }
-        let mut asking = self.shape.drawn_vertices(count);
-        asking.sort_unstable();
-        asking.dedup();
-        let cell = mesh::cells(&self.shape.neighbours, &asking);
-        let mut weights = vec![0.0; asking.len()];
-        for (&cell, w) in cell.iter().zip(&self.weights) {
-            weights[cell as usize] += w;
-        }
+        let mut fitting = if self.fitting.numbers.len() < n {
+            self.fitting.clone()
+        } else {
+            Fitting::drawn(shape, &self.weights, &self.known)
+        };
+        let all = (0..fitting.numbers.len() as u32).collect();
+        let asking = std::mem::replace(&mut fitting.numbers, all);
+        let cell = mesh::cells(&shape.neighbours, &asking);
         let number = |v: u32| asking.binary_search(&v).ok().map(|number| number as u32);
         let known = self.known.iter();
         let known = known.filter_map(|&(v, image)| Some((number(v)?, image)));
-        let own = weighted_functions(self.shape, &asking, &weights);
         Self {
-            shape: self.shape,
+            shape,
             known: known.collect(),
             images: self.images.of(&asking),
-            neighbours: mesh::between_cells(&self.shape.neighbours, &cell, asking.len()),
-            own_squares: own.squares(),
-            own,
-            weights,
+            neighbours: mesh::between_cells(&shape.neighbours, &cell, asking.len()),
+            weights: fitting.weights.clone(),
+            fitting,
             asking,
             coordinates: self.coordinates.clone(),
             smoothed: self.smoothed.clone(),
@@ -233,37 +300,42 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// √w times rows of `matrix` at the given vertices, for sums weighted by w.
-    pub(super) fn weighted_rows(&self, matrix: MatRef<'_, f64>, vertices: &[u32]) -> Mat<f64> {
-        Mat::from_fn(vertices.len(), matrix.ncols(), |i, j| {
-            self.weights[i].sqrt() * matrix[(vertices[i] as usize, j)]
+    /// √w times the way from each of the vertices that fits are made of to its image: from a row of `own` to one of
+    /// `other`.
+    pub(super) fn shifts(&self, own: MatRef<'_, f64>, other: MatRef<'_, f64>) -> Mat<f64> {
+        let Fitting {
+            numbers, weights, ..
+        } = &self.fitting;
+        Mat::from_fn(numbers.len(), own.ncols(), |i, c| {
+            let number = numbers[i] as usize;
+            let (v, image) = (self.asking[number], self.images.vertex[number]);
+            weights[i].sqrt() * (other[(image as usize, c)] - own[(v as usize, c)])
         })
     }
 
-    /// √w times k eigenfunctions at the asking vertices, each a column of `(k, asking)`.
+    /// √w times k eigenfunctions at the vertices that fits are made of, each a column of `(k, fitting)`.
     pub(super) fn own(&self, k: usize) -> MatRef<'_, f32> {
-        self.own.as_columns().subrows(0, k)
+        self.fitting.own.as_columns().subrows(0, k)
     }
 
     /// Sums of the squares of its rows.
     pub(super) fn own_squares(&self, k: usize) -> &[f32] {
-        &self.own_squares[..k]
+        &self.fitting.squares[..k]
     }
 
-    /// √w times k eigenfunctions of the other shape at the images.
+    /// √w times k eigenfunctions of the other shape at their images.
     pub(super) fn at_images(&self, other: &Side<'_>, k: usize) -> Rows {
-        let functions = &other.shape.rows;
-        functions.gather_weighted(&self.images.vertex, &self.weights, k)
+        let Fitting {
+            numbers, weights, ..
+        } = &self.fitting;
+        let image = |&i: &u32| self.images.vertex[i as usize];
+        let images: Vec<u32> = numbers.iter().map(image).collect();
+        other.shape.rows.gather_weighted(&images, weights, k)
     }
 
-    /// Gram matrix of [these](Self::own).
-    pub(super) fn own_gram(&self, k: usize) -> Mat<f64> {
-        if self.asking.len() < self.shape.mesh.vertices.len() {
-            return dense::gram(self.own(k));
-        }
-        // All ask, weighted by their areas: orthonormal.
-        let share = self.weights.iter().sum::<f64>();
-        Mat::from_fn(k, k, |i, j| if i == j { share } else { 0.0 })
+    /// Gram matrix of [these](Self::own), its lower half.
+    pub(super) fn own_gram(&self, k: usize) -> MatRef<'_, f64> {
+        self.fitting.gram.get(..k, ..k)
     }
 
     /// \[surface, weighted normals, looks, landmarks, Φ or Φ·`matrix` / (√π k), zeros\]: in the surface and the
@@ -337,12 +409,6 @@ impl<'a> Side<'a> {
     }
 }
 
-/// √w times all eigenfunctions of a shape at some of its vertices.
-fn weighted_functions(shape: &Shape, vertices: &[u32], weights: &[f64]) -> Rows {
-    let functions = &shape.rows;
-    functions.gather_weighted(vertices, weights, functions.dims)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -360,9 +426,11 @@ mod tests {
         all.images.vertex = (0..count as u32).collect();
         all.rows = shape.rows.clone();
 
-        // More than the 500 farthest points and fewer than all 960; some are drawn twice.
-        let thinned = all.thinned(600);
-        assert!((500..=600).contains(&thinned.asking.len()));
+        // The 500 farthest points and more; some are drawn twice.
+        let thinned = all.thinned();
+        assert!(FITTING < count && (500..=FITTING).contains(&thinned.asking.len()));
+        // Fits are made of the same vertices with the same weights, whether the others ask or not.
+        assert_eq!(all.own(20), thinned.own(20));
         // Every vertex is counted once, in another order than that of the sum.
         assert!((thinned.weights.iter().sum::<f64>() - 1.0).abs() < 1e-12);
         let number = |v: u32| thinned.asking.binary_search(&v).expect("asks") as u32;
@@ -385,8 +453,8 @@ mod tests {
         let images = thinned.images_of_all(&all, &all, 3, &|| Ok(()));
         assert_eq!(images.expect("not cancelled"), all.images.vertex);
 
-        // As many as there are are all of them.
-        assert_eq!(all.thinned(count).asking, all.asking);
+        // They are no more when thinned again.
+        assert_eq!(thinned.thinned().asking, thinned.asking);
     }
 
     #[test]
