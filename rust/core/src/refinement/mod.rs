@@ -1,5 +1,6 @@
 //! From a coarse functional map to a dense one.
 
+mod block_equations;
 pub mod coinciding;
 pub mod covered;
 pub mod embedded_surface;

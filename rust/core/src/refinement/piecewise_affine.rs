@@ -18,26 +18,21 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::llt::factor::LltRegularization;
-use faer::prelude::*;
-use faer::sparse::linalg::SupernodalThreshold;
+use faer::Side;
+use faer::sparse::SymbolicSparseColMatRef;
 use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, SymbolicCholesky, SymmetricOrdering, factorize_symbolic_cholesky,
+    CholeskySymbolicParams, SymmetricOrdering, factorize_symbolic_cholesky,
 };
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Conj, Side, Spec};
 
 use crate::dense::vectorised;
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::progress::Check;
+use crate::refinement::block_equations::{Block, BlockEquations, UNKNOWNS};
 use crate::vector::{self, Point};
 
 /// Nodes that carry a vertex: with four the matrix has a third more entries, and errors are the same.
 const NEAREST: usize = 3;
-/// Unknowns of a node: the rows of A, each with its entry of t.
-const UNKNOWNS: usize = 12;
 /// Pairs of nodes that carry a vertex, and each with itself.
 const PAIRS: usize = NEAREST * (NEAREST + 1) / 2;
 /// Weight μ of the changes between neighbouring nodes beside what draws the vertices, at unit area; half and twice as
@@ -50,9 +45,6 @@ const LEAST_PULL: f64 = 1e-10;
 
 /// What draws a vertex: M, symmetric, and b, of which M⁻¹b is the place it is drawn to.
 pub type Pull = ([Point; 3], Point);
-
-/// Rows and columns of the normal equations that belong to two nodes, row by row.
-type Block = [[f64; UNKNOWNS]; UNKNOWNS];
 
 /// A vertex.
 struct Carried {
@@ -74,7 +66,7 @@ pub struct PiecewiseAffine {
     held: Vec<f64>,
     /// Distance between nodes.
     spacing: f64,
-    equations: Equations,
+    equations: BlockEquations,
 }
 
 impl PiecewiseAffine {
@@ -107,7 +99,7 @@ impl PiecewiseAffine {
             .iter()
             .map(|found| found[0].1)
             .fold(f64::MIN_POSITIVE, f64::max);
-        let equations = Equations::new(nodes.len(), pairs)?;
+        let equations = BlockEquations::new(nodes.len(), &pairs);
         let mut carried: Vec<Carried> = (0..)
             .zip(rest.iter().zip(&near))
             .map(|(vertex, (&p, found))| {
@@ -150,12 +142,12 @@ impl PiecewiseAffine {
     /// [`Error::NotFactorised`], [`Error::Cancelled`].
     pub fn drawn_to(&mut self, pulls: &[Pull], check: Check<'_>) -> Result<Vec<Point>> {
         check()?;
-        let (blocks, mut found) = vectorised(
+        let (mut blocks, mut found) = vectorised(
             #[inline(always)]
             || self.system(pulls),
         );
         check()?;
-        self.equations.solve(&blocks, &mut found)?;
+        self.equations.solve(&mut blocks, &mut found)?;
         let maps: Vec<[[f64; 4]; 3]> = (0..self.nodes.len())
             .map(|node| [0, 1, 2].map(|c| [0, 1, 2, 3].map(|a| found[UNKNOWNS * node + 4 * c + a])))
             .collect();
@@ -184,17 +176,17 @@ impl PiecewiseAffine {
         Ok(places)
     }
 
-    /// Normal equations of a round: blocks of the lower half, and the right side.
+    /// Normal equations of a round, and the right side: the unknowns of a node are the rows of A, each with its entry of t.
     #[inline(always)]
     fn system(&self, pulls: &[Pull]) -> (Vec<Block>, Vec<f64>) {
-        let mut blocks = vec![[[0.0; UNKNOWNS]; UNKNOWNS]; self.equations.blocks.len()];
+        let mut blocks = vec![[[0.0; UNKNOWNS]; UNKNOWNS]; self.equations.blocks()];
         let mut right = vec![0.0; UNKNOWNS * self.nodes.len()];
         for carried in &self.carried {
             let (m, moment) = &pulls[carried.vertex as usize];
             let mut numbers = carried.blocks.iter();
             for (i, (node, own)) in carried.by.iter().enumerate() {
                 for ((_, other), &number) in carried.by[i..].iter().zip(&mut numbers) {
-                    add(&mut blocks[number as usize], own, m, other);
+                    add(&mut blocks[number as usize], other, m, own);
                 }
                 for (c, y) in moment.iter().enumerate() {
                     for (a, x) in own.iter().enumerate() {
@@ -208,8 +200,14 @@ impl PiecewiseAffine {
             let m = [[weight, 0.0, 0.0], [0.0, weight, 0.0], [0.0, 0.0, weight]];
             for [a, b] in link_rows(&self.nodes, link, self.spacing) {
                 add(&mut blocks[first as usize], &a, &m, &a);
-                add(&mut blocks[between as usize], &a, &m, &b);
+                add(&mut blocks[between as usize], &b, &m, &a);
                 add(&mut blocks[second as usize], &b, &m, &b);
+            }
+        }
+        for node in 0..self.nodes.len() as u32 {
+            let own = &mut blocks[self.equations.block(node, node) as usize];
+            for (m, row) in own.iter_mut().enumerate() {
+                row[m] += LEAST_PULL;
             }
         }
         (blocks, right)
@@ -232,120 +230,6 @@ fn add(block: &mut Block, x: &[f64; 4], m: &[Point; 3], y: &[f64; 4]) {
     }
 }
 
-/// Sparse equations in blocks, one of every two nodes that share a vertex or a link.
-struct Equations {
-    /// Both nodes of each block, the last first, sorted: what stands in the upper half, column by column.
-    blocks: Vec<(u32, u32)>,
-    pointers: Vec<u32>,
-    rows: Vec<u32>,
-    symbolic: SymbolicCholesky<u32>,
-}
-
-impl Equations {
-    /// Of so many nodes, in the order in which they are eliminated.
-    fn new(nodes: usize, mut blocks: Vec<(u32, u32)>) -> Result<Self> {
-        blocks.sort_unstable();
-        blocks.dedup();
-        let (mut pointers, mut rows) = (vec![0], Vec::new());
-        for column in blocks.chunk_by(|a, b| a.0 == b.0) {
-            for j in 1..=UNKNOWNS {
-                for &(last, node) in column {
-                    let first = UNKNOWNS as u32 * node;
-                    let count = if node == last { j } else { UNKNOWNS };
-                    rows.extend(first..first + count as u32);
-                }
-                pointers.push(rows.len() as u32);
-            }
-        }
-        let symbolic = symbolic(
-            pattern(UNKNOWNS * nodes, &pointers, &rows),
-            SymmetricOrdering::Identity,
-        )?;
-        Ok(Self {
-            blocks,
-            pointers,
-            rows,
-            symbolic,
-        })
-    }
-
-    /// Number of the block of two nodes, `last` not before `first`.
-    fn block(&self, last: u32, first: u32) -> u32 {
-        self.blocks.partition_point(|&block| block < (last, first)) as u32
-    }
-
-    /// The solution takes the place of the right side; a row of a block belongs to its last node.
-    fn solve(&self, blocks: &[Block], right: &mut [f64]) -> Result<()> {
-        let n = right.len();
-        let mut values = Vec::with_capacity(self.rows.len());
-        let mut rest = blocks;
-        for column in self.blocks.chunk_by(|a, b| a.0 == b.0) {
-            let (column, others) = rest.split_at(column.len());
-            let Some((own, before)) = column.split_last() else {
-                continue;
-            };
-            for j in 0..UNKNOWNS {
-                for block in before {
-                    values.extend_from_slice(&block[j]);
-                }
-                values.extend_from_slice(&own[j][..j]);
-                values.push(own[j][j] + LEAST_PULL);
-            }
-            rest = others;
-        }
-        let symbolic = &self.symbolic;
-        let scratch = symbolic
-            .factorize_numeric_llt_scratch::<f64>(Par::Seq, Spec::default())
-            .or(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        let mut scratch = MemBuffer::new(scratch);
-        let stack = MemStack::new(&mut scratch);
-        let mut factor = vec![0.0; symbolic.len_val()];
-        symbolic
-            .factorize_numeric_llt(
-                &mut factor,
-                SparseColMatRef::new(pattern(n, &self.pointers, &self.rows), &values),
-                Side::Upper,
-                LltRegularization::default(),
-                Par::Seq,
-                stack,
-                Spec::default(),
-            )
-            .map_err(Error::not_factorised)?
-            .solve_in_place_with_conj(
-                Conj::No,
-                MatMut::from_column_major_slice_mut(right, n, 1),
-                Par::Seq,
-                stack,
-            );
-        Ok(())
-    }
-}
-
-/// Columns of a square matrix of this size, with the rows of their entries.
-fn pattern<'a>(
-    size: usize,
-    pointers: &'a [u32],
-    rows: &'a [u32],
-) -> SymbolicSparseColMatRef<'a, u32> {
-    SymbolicSparseColMatRef::new_checked(size, size, pointers, None, rows)
-}
-
-fn symbolic(
-    upper: SymbolicSparseColMatRef<'_, u32>,
-    ordering: SymmetricOrdering<'_, u32>,
-) -> Result<SymbolicCholesky<u32>> {
-    factorize_symbolic_cholesky(
-        upper,
-        Side::Upper,
-        ordering,
-        CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-            ..Default::default()
-        },
-    )
-    .map_err(Error::not_factorised)
-}
-
 /// The nodes in an order in which eliminating one after the other fills in little, from pairs of them that depend on
 /// one another, the last first, sorted.
 fn elimination_order(nodes: usize, pairs: &[(u32, u32)]) -> Result<Vec<u32>> {
@@ -357,7 +241,13 @@ fn elimination_order(nodes: usize, pairs: &[(u32, u32)]) -> Result<Vec<u32>> {
         pointers[column + 1] += pointers[column];
     }
     let rows: Vec<u32> = pairs.iter().map(|&(_, first)| first).collect();
-    let found = symbolic(pattern(nodes, &pointers, &rows), SymmetricOrdering::Amd)?;
+    let found = factorize_symbolic_cholesky(
+        SymbolicSparseColMatRef::new_checked(nodes, nodes, &pointers, None, &rows),
+        Side::Upper,
+        SymmetricOrdering::Amd,
+        CholeskySymbolicParams::default(),
+    )
+    .map_err(Error::not_factorised)?;
     let order = found.perm().map(|order| order.arrays().0.to_vec());
     Ok(order.unwrap_or_else(|| (0..nodes as u32).collect()))
 }
@@ -455,8 +345,6 @@ fn nearest_nodes(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Vec<V
 
 #[cfg(test)]
 mod tests {
-    use faer::Mat;
-
     use super::*;
     use crate::shape::Shape;
     use crate::testing::{RINGS, torus};
@@ -473,44 +361,6 @@ mod tests {
         let mesh = &shape.mesh;
         let nodes = shape.farthest_points(60);
         PiecewiseAffine::new(&mesh.vertices, &shape.neighbours, nodes).expect("a pattern")
-    }
-
-    #[test]
-    fn equations_in_blocks_are_those_of_a_dense_matrix() {
-        // A ring of nodes and one link across, blocks of any numbers with a strong diagonal.
-        let nodes = 7;
-        let ring = (0..nodes).map(|a| (a, (a + 1) % nodes));
-        let own = (0..nodes).map(|a| (a, a));
-        let pairs = ring
-            .chain(own)
-            .chain([(1, 4)])
-            .map(|(a, b): (u32, u32)| (a.max(b), a.min(b)));
-        let equations = Equations::new(nodes as usize, pairs.collect()).expect("a pattern");
-        let n = UNKNOWNS * nodes as usize;
-        let mut dense = Mat::zeros(n, n);
-        let mut blocks = vec![[[0.0; UNKNOWNS]; UNKNOWNS]; equations.blocks.len()];
-        for (block, &(last, first)) in blocks.iter_mut().zip(&equations.blocks) {
-            for (i, line) in block.iter_mut().enumerate() {
-                for (j, entry) in line.iter_mut().enumerate() {
-                    let (row, column) =
-                        (UNKNOWNS * last as usize + i, UNKNOWNS * first as usize + j);
-                    let (low, high) = (row.min(column), row.max(column));
-                    let value = ((low * 31 + high * 17) as f64).sin();
-                    *entry = value + if row == column { 60.0 } else { 0.0 };
-                    dense[(row, column)] = *entry;
-                    dense[(column, row)] = *entry;
-                }
-            }
-        }
-        let truth: Vec<f64> = (0..n).map(|i| (0.3 * i as f64).cos()).collect();
-        let mut found: Vec<f64> = (0..n)
-            .map(|i| (0..n).map(|j| dense[(i, j)] * truth[j]).sum())
-            .collect();
-        equations.solve(&blocks, &mut found).expect("regular");
-        for (found, truth) in found.iter().zip(&truth) {
-            // The least pull of 1e-10 beside 60.
-            assert!((found - truth).abs() < 1e-10, "{found} {truth}");
-        }
     }
 
     #[test]
