@@ -16,7 +16,7 @@ pub const UNKNOWNS: usize = 12;
 pub type Block = [[f64; UNKNOWNS]; UNKNOWNS];
 
 /// Unknowns of one node.
-type Part = [f64; UNKNOWNS];
+pub type Part = [f64; UNKNOWNS];
 
 /// Which blocks there are, row by row.
 #[derive(Debug)]
@@ -67,8 +67,7 @@ impl BlockEquations {
     ///
     /// # Errors
     /// [`Error::NotFactorised`] where the equations are not positive definite.
-    pub fn solve(&self, blocks: &mut [Block], right: &mut [f64]) -> Result<()> {
-        let (right, _) = right.as_chunks_mut();
+    pub fn solve(&self, blocks: &mut [Block], right: &mut [Part]) -> Result<()> {
         vectorised(
             #[inline(always)]
             || {
@@ -245,11 +244,12 @@ mod tests {
             }
         }
         let truth: Vec<f64> = (0..n).map(|i| (0.3 * i as f64).cos()).collect();
-        let mut found: Vec<f64> = (0..n)
-            .map(|i| (0..n).map(|j| dense[(i, j)] * truth[j]).sum())
+        let product = |i: usize| (0..n).map(|j| dense[(i, j)] * truth[j]).sum();
+        let mut found: Vec<Part> = (0..nodes as usize)
+            .map(|node| std::array::from_fn(|m| product(UNKNOWNS * node + m)))
             .collect();
         equations.solve(&mut blocks, &mut found).expect("regular");
-        for (found, truth) in found.iter().zip(&truth) {
+        for (found, truth) in found.iter().flatten().zip(&truth) {
             // Rounding of sums of 84 numbers up to 60, relative to eigenvalues of 20 and more.
             assert!((found - truth).abs() < 1e-12, "{found} {truth}");
         }
@@ -267,7 +267,7 @@ mod tests {
         }
         // 1 − 2² is negative, and so is the determinant.
         blocks[equations.block(1, 0) as usize][0][3] = 2.0;
-        let solved = equations.solve(&mut blocks, &mut [1.0; 2 * UNKNOWNS]);
+        let solved = equations.solve(&mut blocks, &mut [[1.0; UNKNOWNS]; 2]);
         assert!(matches!(solved, Err(Error::NotFactorised { .. })));
     }
 }

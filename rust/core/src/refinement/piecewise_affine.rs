@@ -28,7 +28,7 @@ use crate::dense::vectorised;
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::progress::Check;
-use crate::refinement::block_equations::{Block, BlockEquations, UNKNOWNS};
+use crate::refinement::block_equations::{Block, BlockEquations, Part, UNKNOWNS};
 use crate::vector::{self, Point};
 
 /// Nodes that carry a vertex: with four the matrix has a third more entries, and errors are the same.
@@ -148,8 +148,9 @@ impl PiecewiseAffine {
         );
         check()?;
         self.equations.solve(&mut blocks, &mut found)?;
-        let maps: Vec<[[f64; 4]; 3]> = (0..self.nodes.len())
-            .map(|node| [0, 1, 2].map(|c| [0, 1, 2, 3].map(|a| found[UNKNOWNS * node + 4 * c + a])))
+        let maps: Vec<[[f64; 4]; 3]> = found
+            .iter()
+            .map(|found| [0, 1, 2].map(|c| [0, 1, 2, 3].map(|a| found[4 * c + a])))
             .collect();
         for (held, &(link, _)) in self.held.iter_mut().zip(&self.links) {
             let rows = link_rows(&self.nodes, link, self.spacing);
@@ -178,9 +179,9 @@ impl PiecewiseAffine {
 
     /// Normal equations of a round, and the right side: the unknowns of a node are the rows of A, each with its entry of t.
     #[inline(always)]
-    fn system(&self, pulls: &[Pull]) -> (Vec<Block>, Vec<f64>) {
+    fn system(&self, pulls: &[Pull]) -> (Vec<Block>, Vec<Part>) {
         let mut blocks = vec![[[0.0; UNKNOWNS]; UNKNOWNS]; self.equations.blocks()];
-        let mut right = vec![0.0; UNKNOWNS * self.nodes.len()];
+        let mut right = vec![[0.0; UNKNOWNS]; self.nodes.len()];
         for carried in &self.carried {
             let (m, moment) = &pulls[carried.vertex as usize];
             let mut numbers = carried.blocks.iter();
@@ -190,7 +191,7 @@ impl PiecewiseAffine {
                 }
                 for (c, y) in moment.iter().enumerate() {
                     for (a, x) in own.iter().enumerate() {
-                        right[UNKNOWNS * *node as usize + 4 * c + a] += x * y;
+                        right[*node as usize][4 * c + a] += x * y;
                     }
                 }
             }
