@@ -19,8 +19,9 @@ const FACTOR_ENTRIES: u64 = 12;
 const MESH_BYTES: u64 = 600;
 /// Descriptors, and doubles while they are made.
 const DESCRIPTOR_DOUBLES: u64 = 250;
-/// Doubles of a vertex while a map is refined: weighted rows of both bases and embeddings.
-const REFINEMENT_DOUBLES: u64 = 7 * EIGENPAIRS as u64;
+/// Doubles of a vertex while a map is refined: embeddings of two ways and, of a part, weighted rows of both bases, in
+/// single precision.
+const REFINEMENT_DOUBLES: u64 = 4 * EIGENPAIRS as u64;
 /// Completed at the same time: close hypotheses.
 const REFINED_TOGETHER: u64 = 2;
 /// Points, weights and confidence of a vertex of the given mesh, while they are found.
