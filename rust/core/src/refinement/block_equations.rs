@@ -114,18 +114,12 @@ impl BlockEquations {
         let row = |node: usize| (self.starts[node]..self.starts[node + 1]).skip(1);
         for node in 0..nodes {
             let diagonal = &blocks[self.starts[node]];
-            let mut own = right[node];
-            for m in 0..UNKNOWNS {
-                own[m] /= diagonal[m][m];
-                let x = own[m];
-                for (rest, u) in own[m + 1..].iter_mut().zip(&diagonal[m][m + 1..]) {
-                    *rest -= u * x;
-                }
-            }
-            right[node] = own;
+            let mut own = right[node].map(|x| [x]);
+            substitute_forward(diagonal, &mut own);
+            right[node] = own.map(|[x]| x);
             for at in row(node) {
                 let later = &mut right[self.columns[at] as usize];
-                for (x, line) in own.iter().zip(&blocks[at]) {
+                for ([x], line) in own.iter().zip(&blocks[at]) {
                     for (rest, u) in later.iter_mut().zip(line) {
                         *rest -= u * x;
                     }
@@ -177,16 +171,16 @@ fn cholesky(block: &mut Block) -> bool {
     true
 }
 
-/// X of `UᵀX` = B in place of B.
+/// X of `UᵀX` = B in place of B, of any number of columns.
 #[inline(always)]
-fn substitute_forward(u: &Block, block: &mut Block) {
+fn substitute_forward<const COLUMNS: usize>(u: &Block, right: &mut [[f64; COLUMNS]; UNKNOWNS]) {
     for m in 0..UNKNOWNS {
         let scale = 1.0 / u[m][m];
-        for entry in &mut block[m] {
+        for entry in &mut right[m] {
             *entry *= scale;
         }
-        let line = block[m];
-        for (row, factor) in block.iter_mut().zip(&u[m]).skip(m + 1) {
+        let line = right[m];
+        for (row, factor) in right.iter_mut().zip(&u[m]).skip(m + 1) {
             for (entry, x) in row.iter_mut().zip(&line) {
                 *entry -= factor * x;
             }

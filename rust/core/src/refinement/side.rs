@@ -71,6 +71,8 @@ pub struct Side<'a> {
 struct Fitting {
     /// Their numbers among those that ask.
     numbers: Vec<u32>,
+    /// Which of them is nearest to each that asks; empty where all that ask are fitted.
+    cells: Vec<u32>,
     /// Weight of each, with that of those nearest to it that only ask.
     weights: Vec<f64>,
     /// √w times their shape's eigenfunctions.
@@ -83,7 +85,13 @@ struct Fitting {
 
 impl Fitting {
     /// These asking vertices with these weights.
-    fn new(shape: &Shape, asking: &[u32], numbers: Vec<u32>, weights: Vec<f64>) -> Self {
+    fn new(
+        shape: &Shape,
+        asking: &[u32],
+        numbers: Vec<u32>,
+        cells: Vec<u32>,
+        weights: Vec<f64>,
+    ) -> Self {
         let vertices: Vec<u32> = numbers.iter().map(|&i| asking[i as usize]).collect();
         let functions = &shape.rows;
         let own = functions.gather_weighted(&vertices, &weights, functions.dims);
@@ -97,6 +105,7 @@ impl Fitting {
         };
         Self {
             numbers,
+            cells,
             squares: own.squares(),
             gram,
             own,
@@ -107,7 +116,7 @@ impl Fitting {
     /// All that ask.
     fn all(shape: &Shape, asking: &[u32], weights: &[f64]) -> Self {
         let numbers = (0..asking.len() as u32).collect();
-        Self::new(shape, asking, numbers, weights.to_vec())
+        Self::new(shape, asking, numbers, Vec::new(), weights.to_vec())
     }
 
     /// [Some](FITTING) of a shape's vertices, all of which ask, and these.
@@ -122,10 +131,10 @@ impl Fitting {
         drawn.dedup();
         let mut gathered = vec![0.0; drawn.len()];
         let cells = mesh::cells(&shape.neighbours, &drawn);
-        for (cell, w) in cells.into_iter().zip(weights) {
+        for (&cell, w) in cells.iter().zip(weights) {
             gathered[cell as usize] += w;
         }
-        Self::new(shape, &all, drawn, gathered)
+        Self::new(shape, &all, drawn, cells, gathered)
     }
 }
 
@@ -217,7 +226,7 @@ impl<'a> Side<'a> {
         };
         let all = (0..fitting.numbers.len() as u32).collect();
         let asking = std::mem::replace(&mut fitting.numbers, all);
-        let cell = mesh::cells(&shape.neighbours, &asking);
+        let cells = std::mem::take(&mut fitting.cells);
         let number = |v: u32| asking.binary_search(&v).ok().map(|number| number as u32);
         let known = self.known.iter();
         let known = known.filter_map(|&(v, image)| Some((number(v)?, image)));
@@ -225,7 +234,7 @@ impl<'a> Side<'a> {
             shape,
             known: known.collect(),
             images: self.images.of(&asking),
-            neighbours: mesh::between_cells(&shape.neighbours, &cell, asking.len()),
+            neighbours: mesh::between_cells(&shape.neighbours, &cells, asking.len()),
             weights: fitting.weights.clone(),
             fitting,
             asking,
