@@ -44,6 +44,12 @@ pub fn gather_rows(matrix: MatRef<'_, f64>, ids: &[u32], columns: usize) -> Mat<
     Mat::from_fn(ids.len(), columns, |i, j| matrix[(ids[i] as usize, j)])
 }
 
+/// The same matrix in single precision.
+#[must_use]
+pub fn in_single(matrix: MatRef<'_, f64>) -> Mat<f32> {
+    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] as f32)
+}
+
 /// Sum of squares of all entries.
 #[must_use]
 pub fn squared_norm(matrix: MatRef<'_, f64>) -> f64 {
@@ -199,6 +205,20 @@ impl Rows {
         let mut out = Self::zeros(ids.len(), self.dims);
         for (i, &id) in ids.iter().enumerate() {
             out.row_mut(i).copy_from_slice(self.row(id as usize));
+        }
+        out
+    }
+
+    /// The same points with coordinates of zero added.
+    #[must_use]
+    pub fn widened(&self, dims: usize) -> Self {
+        let mut out = Self::zeros(self.count(), dims);
+        for (wide, row) in out
+            .data
+            .chunks_exact_mut(dims)
+            .zip(self.data.chunks_exact(self.dims))
+        {
+            wide[..self.dims].copy_from_slice(row);
         }
         out
     }

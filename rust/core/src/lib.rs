@@ -3,6 +3,7 @@
 
 pub mod baselines;
 pub mod bisection;
+pub mod closest;
 pub mod confidence;
 pub mod dense;
 pub mod descriptors;

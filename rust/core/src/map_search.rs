@@ -4,15 +4,14 @@
 //! aligned one by one: each new column of the map may keep or turn its sign, both children are
 //! fitted through point maps, and the ones that distort geodesic distances least survive.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatRef, Par, Side};
+use faer::{Mat, MatRef, Side};
 use rayon::prelude::*;
 
+use crate::closest::closest;
 use crate::dense::{self, LANES, squared_distance, vectorised};
 use crate::distance_operator;
 use crate::error::{Error, Result};
 use crate::hints::Which;
-use crate::nearest::lowest;
 use crate::orientation::{FUNCTIONS, TangentGradients, better_signs, orientation, shares};
 use crate::pair::{Mirror, Pair, Part, Shares};
 use crate::progress::Progress;
@@ -54,8 +53,6 @@ pub const RANKED_WITHIN: Reach = Reach {
 };
 /// A map's energy is weighted by this less its orientation.
 const ORIENTATION_OFFSET: f64 = 1.2;
-/// Queries whose costs are held at once: they then stay in the second-level cache.
-const QUERIES_AT_ONCE: usize = 64;
 /// Maps closer than this are the same.
 const SAME: f64 = 0.03;
 
@@ -260,7 +257,7 @@ impl<'a> SampledPair<'a> {
                 decomposition.U()[(i, j)] * (-decomposition.S()[j]).max(0.0).sqrt()
             });
             let at_samples = dense::product(side.basis.get(.., 1..k), scaled.as_ref());
-            Some(in_single(at_samples.as_ref()))
+            Some(dense::in_single(at_samples.as_ref()))
         };
         let (Some(target), Some(source)) = (
             coordinates(self.pair.target, &self.side_target),
@@ -307,7 +304,7 @@ impl<'a> SampledPair<'a> {
         let (ks, kt) = (matrix.nrows(), matrix.ncols());
         let target = self.side_target.single.get(.., ..kt);
         let turned = dense::product(self.side_source.basis.get(.., ..ks), matrix);
-        let source = in_single(turned.as_ref());
+        let source = dense::in_single(turned.as_ref());
         let on_source = closest(
             target.get(..self.side_target.asking, ..),
             source.as_ref(),
@@ -559,7 +556,7 @@ impl Sampled {
                     distances[(i, j)] as f32
                 }
             }),
-            single: in_single(basis.as_ref()),
+            single: dense::in_single(basis.as_ref()),
             basis,
             fixed,
             mismatch,
@@ -681,47 +678,6 @@ pub fn fit(
     let gram = dense::product(p.transpose(), p.as_ref());
     let right = dense::product(p.transpose(), q.as_ref());
     dense::solve_with_ridge(gram, |_| FIT_RIDGE * first as f64, right.as_ref())
-}
-
-/// Number of the point nearest to each query under weight·‖a − b‖² + fixed(b, a).
-fn closest(
-    queries: MatRef<'_, f32>,
-    points: MatRef<'_, f32>,
-    fixed: Option<&Mat<f32>>,
-    weight: f32,
-) -> Vec<u32> {
-    let mut norms = vec![0f32; points.nrows()];
-    for j in 0..points.ncols() {
-        for (norm, x) in norms.iter_mut().zip(points.col(j).iter()) {
-            *norm += weight * x * x;
-        }
-    }
-    let mut found = Vec::with_capacity(queries.nrows());
-    let mut cost = Mat::<f32>::zeros(points.nrows(), QUERIES_AT_ONCE);
-    for from in (0..queries.nrows()).step_by(QUERIES_AT_ONCE) {
-        let count = QUERIES_AT_ONCE.min(queries.nrows() - from);
-        for j in 0..count {
-            let column = cost.col_as_slice_mut(j);
-            match fixed {
-                Some(fixed) => column.copy_from_slice(fixed.col_as_slice(from + j)),
-                None => column.fill(0.0),
-            }
-        }
-        matmul(
-            cost.subcols_mut(0, count),
-            Accum::Add,
-            points,
-            queries.subrows(from, count).transpose(),
-            -2.0 * weight,
-            Par::Seq,
-        );
-        found.extend((0..count).map(|j| lowest(cost.col_as_slice(j), &norms)));
-    }
-    found
-}
-
-fn in_single(matrix: MatRef<'_, f64>) -> Mat<f32> {
-    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] as f32)
 }
 
 /// Applies a fallible step to all candidates in parallel, in order.

@@ -1,11 +1,12 @@
-//! Exhaustive nearest neighbours in a feature space, by matrix products.
+//! Nearest neighbours in a feature space: all compared by matrix products, or cell by cell.
 
 use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, Par};
+use faer::{Accum, Mat, MatRef, Par};
 use rayon::prelude::*;
 
-use crate::dense::{Rows, vectorised};
+use crate::dense::{COMPARED, Rows, squared_distance, vectorised};
 use crate::error::Result;
+use crate::mesh::{self, Adjacency};
 use crate::progress::Check;
 
 /// Queries treated in one matrix product: the scores then stay in the second-level cache.
@@ -14,49 +15,200 @@ const QUERIES_A_BLOCK: usize = 64;
 /// Sums that run independently, so that the compiler can use vector registers.
 const LANES: usize = 16;
 
+/// Share of the vertices above which comparing them one by one takes longer than by products with all.
+const FEW: f32 = 0.15;
+
+/// What rounding leaves of a squared distance made of products, relative to the squared norms: of some hundred
+/// products in single precision.
+const ROUNDING: f32 = 1e-5;
+
 /// For each query the id of the nearest of `points`, Euclidean; the lowest id wins a tie.
 #[must_use]
 pub fn nearest(queries: &Rows, points: &Rows) -> Vec<u32> {
-    match nearest_unless(queries, points, &|| Ok(())) {
-        Ok(found) => found,
-        Err(_) => unreachable!("nothing cancels it"),
-    }
-}
-
-/// [`nearest`] that asks `check` before every block of queries.
-///
-/// # Errors
-/// [`crate::Error::Cancelled`].
-pub fn nearest_unless(queries: &Rows, points: &Rows, check: Check<'_>) -> Result<Vec<u32>> {
     debug_assert_eq!(queries.dims, points.dims);
-    let half_norms: Vec<f32> = (0..points.count())
-        .map(|j| points.row(j).iter().map(|x| x * x).sum::<f32>() / 2.0)
-        .collect();
+    let half_norms = half_norms(points);
     let blocks: Vec<Vec<u32>> = queries
         .data
         .par_chunks(QUERIES_A_BLOCK * queries.dims)
         .map(|block| {
-            check()?;
-            let columns = faer::MatRef::from_column_major_slice(
-                block,
-                queries.dims,
-                block.len() / queries.dims,
-            );
-            let mut scores = Mat::<f32>::zeros(points.count(), columns.ncols());
-            matmul(
-                scores.as_mut(),
-                Accum::Replace,
-                points.as_columns().transpose(),
-                columns,
-                -1.0,
-                Par::Seq,
-            );
-            Ok((0..columns.ncols())
+            let scores = scores(points, block);
+            (0..scores.ncols())
                 .map(|q| lowest(scores.col_as_slice(q), &half_norms))
-                .collect())
+                .collect()
         })
-        .collect::<Result<_>>()?;
-    Ok(blocks.concat())
+        .collect();
+    blocks.concat()
+}
+
+/// −p·q of all points and a block of queries, `(points, queries)`.
+fn scores(points: &Rows, block: &[f32]) -> Mat<f32> {
+    let queries = MatRef::from_column_major_slice(block, points.dims, block.len() / points.dims);
+    let mut scores = Mat::zeros(points.count(), queries.ncols());
+    matmul(
+        scores.as_mut(),
+        Accum::Replace,
+        points.as_columns().transpose(),
+        queries,
+        -1.0,
+        Par::Seq,
+    );
+    scores
+}
+
+fn half_norms(points: &Rows) -> Vec<f32> {
+    let half_norm = |j: usize| points.row(j).iter().map(|x| x * x).sum::<f32>() / 2.0;
+    (0..points.count()).map(half_norm).collect()
+}
+
+/// The vertices of a surface in cells, each of those nearest to one centre along the surface. In an embedding they
+/// lie together, so that for most queries most cells are too far away to be looked into.
+#[derive(Debug)]
+pub struct Cells {
+    centres: Vec<u32>,
+    /// Vertices of each cell.
+    members: Adjacency,
+}
+
+/// Cells in an embedding of the surface.
+struct EmbeddedCells<'a> {
+    members: &'a Adjacency,
+    /// Row of each member, cell by cell.
+    rows: Rows,
+    centres: Rows,
+    half_norms: Vec<f32>,
+    /// Distance of each centre from the farthest of its cell.
+    radii: Vec<f32>,
+    /// Members of each.
+    sizes: Vec<u32>,
+    /// How many members are compared one by one at most.
+    few: u32,
+}
+
+impl Cells {
+    /// Around these vertices.
+    #[must_use]
+    pub fn new(neighbours: &Adjacency, centres: &[u32]) -> Self {
+        let cell = mesh::cells(neighbours, centres).into_iter();
+        let vertices = cell.zip(0u32..);
+        Self {
+            members: Adjacency::from_lists(centres.len(), vertices),
+            centres: centres.to_vec(),
+        }
+    }
+
+    /// For each query the nearest of all vertices in their embedding, Euclidean; the lowest id wins a tie.
+    /// `check` is asked before every block of queries.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub fn nearest(&self, queries: &Rows, vertices: &Rows, check: Check<'_>) -> Result<Vec<u32>> {
+        debug_assert_eq!(queries.dims, vertices.dims);
+        check()?;
+        let embedded = EmbeddedCells::new(self, vertices);
+        let wide = queries.widened(embedded.rows.dims);
+        let blocks: Vec<Vec<Option<u32>>> = wide
+            .data
+            .par_chunks(QUERIES_A_BLOCK * wide.dims)
+            .map(|block| {
+                check()?;
+                let scores = scores(&embedded.centres, block);
+                let mut nearer = vec![0.0; self.centres.len()];
+                let rows = block.chunks_exact(wide.dims).enumerate();
+                let nearest = |(q, row)| {
+                    let scores = scores.col_as_slice(q);
+                    vectorised(
+                        #[inline(always)]
+                        || embedded.nearest(row, scores, &mut nearer),
+                    )
+                };
+                Ok(rows.map(nearest).collect())
+            })
+            .collect::<Result<_>>()?;
+        let found = blocks.concat();
+        let left = (0u32..).zip(&found).filter(|(_, found)| found.is_none());
+        let left: Vec<u32> = left.map(|(q, _)| q).collect();
+        let mut others = nearest(&queries.gather(&left), vertices).into_iter();
+        let all = found
+            .into_iter()
+            .map(|found| found.or_else(|| others.next()));
+        Ok(all.flatten().collect())
+    }
+}
+
+impl<'a> EmbeddedCells<'a> {
+    fn new(cells: &'a Cells, vertices: &Rows) -> Self {
+        let dims = vertices.dims.next_multiple_of(COMPARED);
+        let members = &cells.members;
+        let rows = vertices.gather(&members.entries).widened(dims);
+        let centres = vertices.gather(&cells.centres).widened(dims);
+        let radius = |cell: usize| {
+            let [from, to] = [0, 1].map(|i| members.starts[cell + i] as usize);
+            let away = |i| squared_distance(rows.row(i), centres.row(cell), f32::INFINITY);
+            (from..to).map(away).fold(0.0, f32::max).sqrt()
+        };
+        Self {
+            radii: (0..centres.count())
+                .map(|cell| {
+                    vectorised(
+                        #[inline(always)]
+                        || radius(cell),
+                    )
+                })
+                .collect(),
+            half_norms: half_norms(&centres),
+            sizes: members.starts.windows(2).map(|w| w[1] - w[0]).collect(),
+            few: (FEW * rows.count() as f32) as u32,
+            members,
+            rows,
+            centres,
+        }
+    }
+
+    /// The vertex nearest to a query, given its products with all centres, where few cells may hold it. `nearer` is
+    /// room for a figure of each cell.
+    #[inline(always)]
+    fn nearest(&self, query: &[f32], scores: &[f32], nearer: &mut [f32]) -> Option<u32> {
+        let norm: f32 = query.iter().map(|x| x * x).sum();
+        // None of a cell is nearer than its centre less its radius.
+        let cells = scores.iter().zip(&self.half_norms).zip(&self.radii);
+        for (nearer, ((score, half_norm), radius)) in nearer.iter_mut().zip(cells) {
+            let square = (norm + 2.0 * half_norm) * (1.0 - ROUNDING) + 2.0 * score;
+            *nearer = square.max(0.0).sqrt() - radius;
+        }
+        let first = lowest_in_lanes(scores, &self.half_norms) as usize;
+        let mut best = (f32::INFINITY, u32::MAX);
+        self.look_into(first, query, &mut best);
+        let mut reach = best.0.sqrt();
+        let sizes = nearer.iter().zip(&self.sizes);
+        let within = sizes.map(|(&d, size)| if d <= reach { *size } else { 0 });
+        if within.sum::<u32>() > self.few {
+            return None;
+        }
+        for (block, nearer) in nearer.chunks(LANES).enumerate() {
+            if nearer.iter().filter(|&&d| d <= reach).count() == 0 {
+                continue;
+            }
+            for (cell, &nearer) in (block * LANES..).zip(nearer) {
+                if nearer <= reach && cell != first {
+                    self.look_into(cell, query, &mut best);
+                    reach = best.0.sqrt();
+                }
+            }
+        }
+        Some(best.1)
+    }
+
+    /// The nearest so far, as squared distance and vertex, and those of a cell.
+    #[inline(always)]
+    fn look_into(&self, cell: usize, query: &[f32], best: &mut (f32, u32)) {
+        let from = self.members.starts[cell] as usize;
+        for (i, &vertex) in (from..).zip(self.members.row(cell)) {
+            let square = squared_distance(self.rows.row(i), query, best.0);
+            if square < best.0 || (square == best.0 && vertex < best.1) {
+                *best = (square, vertex);
+            }
+        }
+    }
 }
 
 /// Index of the smallest `scores[j] + offsets[j]`, the first of equal ones; both equally long.
@@ -119,6 +271,60 @@ fn lowest_sum(scores: &[f32], offsets: &[f32]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Whole numbers from 0 to 7 that look random, so that sums are exact and many are equal.
+    fn scattered(count: usize, dims: usize, seed: u64) -> Rows {
+        let numbers = (0..(count * dims) as u64)
+            .map(|i| ((i + seed).wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 61) as f32);
+        Rows {
+            dims,
+            data: numbers.collect(),
+        }
+    }
+
+    #[test]
+    fn the_nearest_vertex_is_the_same_cell_by_cell() {
+        // A grid of vertices.
+        let side = 20;
+        let count = side * side;
+        let links = (0..count).flat_map(|v: u32| {
+            let [row, column] = [v / side, v % side];
+            let around = [(row, column + 1), (row + 1, column)].into_iter();
+            let on_grid = around.filter(|&(row, column)| row < side && column < side);
+            on_grid.flat_map(move |(row, column)| {
+                let u = row * side + column;
+                [(u, v), (v, u)]
+            })
+        });
+        let links: Vec<(u32, u32)> = links.collect();
+        let neighbours = Adjacency::from_lists(count as usize, links.into_iter());
+        let cells = Cells::new(&neighbours, &[0, 37, 38, 210, 399]);
+        for dims in [1, 2, 16, 19] {
+            let queries = scattered(150, dims, 5);
+            // As they lie on the grid, where most cells are too far, and anywhere, where none is.
+            let mut placed = scattered(count as usize, dims, 1);
+            for v in 0..count {
+                placed.row_mut(v as usize)[0] = (v / side) as f32;
+                placed.row_mut(v as usize)[dims - 1] = (v % side) as f32;
+            }
+            for vertices in [placed, scattered(count as usize, dims, 2)] {
+                let found = cells.nearest(&queries, &vertices, &|| Ok(()));
+                let away = |q: usize, v: usize| {
+                    squared_distance(queries.row(q), vertices.row(v), f32::INFINITY)
+                };
+                let all = 0..count as usize;
+                let nearest = |q| {
+                    all.clone()
+                        .min_by(|&u, &v| away(q, u).total_cmp(&away(q, v)))
+                };
+                let exhaustive: Vec<u32> = (0..150)
+                    .map(|q| nearest(q).expect("there are vertices") as u32)
+                    .collect();
+                assert_eq!(found.expect("not cancelled"), exhaustive);
+                assert_eq!(super::nearest(&queries, &vertices), exhaustive);
+            }
+        }
+    }
 
     #[test]
     fn the_first_of_the_lowest_sums_is_found() {

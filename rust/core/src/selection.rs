@@ -11,6 +11,7 @@ use crate::map_search::{Candidate, RANKED_WITHIN, Reach};
 use crate::nearest::nearest;
 use crate::orientation::{FUNCTIONS, TangentGradients, orientation};
 use crate::pair::{Mirror, Pair, Part, Shares};
+use crate::progress::Check;
 use crate::refinement::embedded_surface::{self, Refined};
 use crate::refinement::upsampling::{self, UPSAMPLED_SIZE};
 use crate::shape::{JUDGED, Shape};
@@ -222,22 +223,22 @@ fn scored(
             } else {
                 c.matrix.clone()
             };
-            report(0.2)?;
-            Ok(score(pair, matrix, c.energy))
+            score(pair, matrix, c.energy, &|| report(0.2))
         })
         .collect()
 }
 
 /// Q = e₂₄ · ē · (1.2 − o) · ‖Λ₂C − CΛ₁‖/‖Λ₁‖, raised by missed landmarks.
-fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
+fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64, check: Check<'_>) -> Result<Scored> {
     let (target, source) = (pair.target, pair.source);
     let k = matrix.ncols();
     let (ask_t, ask_s) = (judging(target), judging(source));
     let (rows_t, rows_s) = (target.rows.first(k), source.rows.times(matrix.as_ref()));
     let (images, back) = rayon::join(
-        || nearest(&rows_t.gather(ask_t), &rows_s),
-        || nearest(&rows_s.gather(ask_s), &rows_t),
+        || (source.cells).nearest(&rows_t.gather(ask_t), &rows_s, check),
+        || (target.cells).nearest(&rows_s.gather(ask_s), &rows_t, check),
     );
+    let (images, back) = (images?, back?);
     let change = |a: &Shape, b: &Shape, images: &[u32]| {
         let there = b.spectral_distances(images, images);
         mean_change(&a.between_judged, &there, f64::INFINITY)
@@ -273,13 +274,13 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64) -> Scored {
     };
     let found = landmark_images(pair, &rows_t, &rows_s);
     let contradiction = missed_landmarks(pair, &found) + off_axes(pair, &images);
-    Scored {
+    Ok(Scored {
         matrix,
         score: energy * distortion * (ORIENTATION_OFFSET.0 - o) * ell * (1.0 + contradiction),
         orientation: o,
         contradiction,
         images,
-    }
+    })
 }
 
 /// Orientation of a map over the judging samples of the target, or of a source that is a part, and their images.

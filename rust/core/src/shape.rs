@@ -13,6 +13,7 @@ use crate::full_resolution::{FullResolution, FullSpectrum};
 use crate::geodesics::{self, FastMarching};
 use crate::mesh::{Adjacency, Mesh};
 use crate::metric::{Measured, Metric};
+use crate::nearest::Cells;
 use crate::progress::{Check, Progress};
 use crate::vector::Point;
 
@@ -80,6 +81,8 @@ pub struct Shape {
     pub volume_sign: f64,
     /// Neighbours of each vertex.
     pub neighbours: Adjacency,
+    /// Vertices around each farthest-point sample.
+    pub cells: Cells,
     /// Faces around each vertex.
     pub vertex_faces: Adjacency,
     /// Marching on this mesh.
@@ -214,11 +217,13 @@ impl Shape {
             judged,
             judged,
         );
+        let neighbours = mesh.vertex_neighbours();
         Ok(Self {
             between_judged,
             normals: mesh.vertex_normals(),
             volume_sign: mesh.volume_sign(),
-            neighbours: mesh.vertex_neighbours(),
+            cells: Cells::new(&neighbours, &farthest),
+            neighbours,
             vertex_faces: mesh.vertex_faces(),
             mass: laplacian.mass,
             metric,

@@ -13,7 +13,6 @@ use super::{Convergence, Embedding};
 use crate::dense::{self, Rows};
 use crate::descriptors::WAVE_ENERGIES;
 use crate::error::{Error, Result};
-use crate::nearest::nearest;
 use crate::progress::Progress;
 use crate::shape::Shape;
 
@@ -46,8 +45,9 @@ pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<E
     let mut images = Vec::new();
     let (mut steps, mut converged) = (0, false);
     while steps < STEPS && !converged {
-        progress.check()?;
-        let found = nearest(&asked_rows, &source.rows.times(matrix.as_ref()));
+        let answers = source.rows.times(matrix.as_ref());
+        let check = || progress.check();
+        let found = source.cells.nearest(&asked_rows, &answers, &check)?;
         let changed = found.iter().zip(&images).filter(|(a, b)| a != b).count();
         converged = found.len() == images.len() && changed <= found.len() / UNCHANGED_SHARE;
         images = found;

@@ -6,11 +6,10 @@ use super::Correspondence;
 use super::correspondence::dense_map;
 use crate::baselines::{Convergence, Embedding};
 use crate::confidence::local_distortion;
-use crate::dense::{self, Rows};
+use crate::dense;
 use crate::distance_operator;
 use crate::error::Result;
 use crate::map_search;
-use crate::nearest::nearest_unless;
 use crate::progress::Progress;
 use crate::shape::Shape;
 use crate::spectral_gmds::{self, Objective, Weights};
@@ -63,10 +62,10 @@ pub(super) fn embedded(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
     report("dense map", 0.5)?;
-    let images =
-        |asking: &Rows, answering: &Rows| nearest_unless(asking, answering, &|| progress.check());
-    let on_source = images(&embedding.target, &embedding.source)?;
-    let on_target = images(&embedding.source, &embedding.target)?;
+    let check = || progress.check();
+    let (of_target, of_source) = (&embedding.target, &embedding.source);
+    let on_source = source.cells.nearest(of_target, of_source, &check)?;
+    let on_target = target.cells.nearest(of_source, of_target, &check)?;
     // No surface is deformed, so that there is no gap.
     let misfit: Vec<(f64, f64)> = local_distortion(target, source, &on_source, 1.0, progress)?
         .into_iter()

@@ -18,7 +18,6 @@ use crate::dense::{self, Rows};
 use crate::error::Result;
 use crate::hints::Which;
 use crate::mesh::Adjacency;
-use crate::nearest::nearest_unless;
 use crate::pair::{Mirror, Pair, Part};
 use crate::pointwise_map::{EmbeddedTriangles, SurfacePoint, projected};
 use crate::progress::Check;
@@ -331,7 +330,7 @@ impl<'a> Refined<'a> {
                     &target.asking,
                     (pair.target, of_target),
                     (&target.rows, &target.neighbours),
-                    (&source.rows, &pair.source.neighbours),
+                    (pair.source, &source.rows),
                     check,
                 )
             },
@@ -341,7 +340,7 @@ impl<'a> Refined<'a> {
                     &source.asking,
                     (pair.source, of_source),
                     (&source.rows, &source.neighbours),
-                    (&target.rows, &pair.target.neighbours),
+                    (pair.target, &target.rows),
                     check,
                 )
             },
@@ -1013,26 +1012,34 @@ fn fitted(
     Ok((matrix, shared))
 }
 
-/// Exhaustive where few ask; where all do, for the farthest-point samples whose images are not known, and spread from
+/// Nearest of all where few ask; where all do, for the farthest-point samples whose images are not known, and spread from
 /// there.
 fn first_images(
     images: &mut Images,
     asking: &[u32],
     (own, samples): (&Shape, Option<&[u32]>),
     (own_rows, neighbours): (&Rows, &Adjacency),
-    (other_rows, other_neighbours): (&Rows, &Adjacency),
+    (other, other_rows): (&Shape, &Rows),
     check: Check<'_>,
 ) -> Result<()> {
-    let nearest = |vertices: &[u32]| nearest_unless(&own_rows.gather(vertices), other_rows, check);
+    let nearest = |vertices: &[u32]| {
+        let queries = own_rows.gather(vertices);
+        other.cells.nearest(&queries, other_rows, check)
+    };
     if asking.len() == own.mesh.vertices.len() {
-        let found = samples.map_or_else(|| nearest(&own.farthest), |known| Ok(known.to_vec()))?;
-        for (&v, &image) in own.farthest.iter().zip(&found) {
+        let searched = if samples.is_none() {
+            nearest(&own.farthest)?
+        } else {
+            Vec::new()
+        };
+        let found = samples.unwrap_or(&searched);
+        for (&v, &image) in own.farthest.iter().zip(found) {
             images.vertex[v as usize] = image;
         }
         images.settle(
             asking,
             (own_rows, neighbours),
-            (other_rows, other_neighbours),
+            (other_rows, &other.neighbours),
             SWEEPS,
             check,
         )?;

@@ -5,10 +5,10 @@
 
 use faer::Mat;
 
-use crate::dense::{self, Rows};
+use crate::closest::closest;
+use crate::dense;
 use crate::error::Result;
 use crate::map_search::{Candidate, fit};
-use crate::nearest::nearest;
 use crate::pair::Pair;
 use crate::shape::Shape;
 
@@ -30,14 +30,18 @@ pub fn upsampled(pair: &Pair<'_>, candidate: &Candidate) -> Result<Mat<f64>> {
     let at_samples =
         |s: &Shape| dense::gather_rows(s.basis.functions.as_ref(), &s.farthest, largest);
     let (on_target, on_source) = (at_samples(target), at_samples(source));
+    let asked = dense::in_single(on_target.as_ref());
     let mut matrix = candidate.matrix.clone();
     loop {
         let k = matrix.ncols();
-        let asked = Rows::from_matrix(on_target.as_ref(), k);
+        let asked = asked.get(.., ..k);
         let turned = dense::product(on_source.get(.., ..k), matrix.as_ref());
-        let answers = Rows::from_matrix(turned.as_ref(), k);
-        let (on_answers, on_asked) =
-            rayon::join(|| nearest(&asked, &answers), || nearest(&answers, &asked));
+        let answers = dense::in_single(turned.as_ref());
+        let answers = answers.as_ref();
+        let (on_answers, on_asked) = rayon::join(
+            || closest(asked, answers, None, 1.0),
+            || closest(answers, asked, None, 1.0),
+        );
         matrix = fit(
             on_target.as_ref(),
             on_source.as_ref(),
