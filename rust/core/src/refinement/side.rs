@@ -71,7 +71,7 @@ pub struct Side<'a> {
 struct Fitting {
     /// Their numbers among those that ask.
     numbers: Vec<u32>,
-    /// Which of them is nearest to each that asks; empty where all that ask are fitted.
+    /// Which of them is nearest to each that asks; empty where all that ask are fitted, or none.
     cells: Vec<u32>,
     /// Weight of each, with that of those nearest to it that only ask.
     weights: Vec<f64>,
@@ -117,6 +117,11 @@ impl Fitting {
     fn all(shape: &Shape, asking: &[u32], weights: &[f64]) -> Self {
         let numbers = (0..asking.len() as u32).collect();
         Self::new(shape, asking, numbers, Vec::new(), weights.to_vec())
+    }
+
+    /// None of them, where they have no weight.
+    fn none(shape: &Shape) -> Self {
+        Self::new(shape, &[], Vec::new(), Vec::new(), Vec::new())
     }
 
     /// [Some](FITTING) of a shape's vertices, all of which ask, and these.
@@ -189,8 +194,10 @@ impl<'a> Side<'a> {
                 }
             },
         );
-        // What a part shows of the whole is little enough.
-        let fitting = if drawn.is_some() || pair.shares.part().is_some() {
+        // What a part shows of the whole is little enough, and what the whole has beyond it says nothing.
+        let fitting = if share == 0.0 {
+            Fitting::none(shape)
+        } else if drawn.is_some() || pair.shares.part().is_some() {
             Fitting::all(shape, &asking, &weights)
         } else {
             Fitting::drawn(shape, &weights, &known)
@@ -219,10 +226,10 @@ impl<'a> Side<'a> {
         if n < shape.mesh.vertices.len() || n <= FITTING {
             return self.clone();
         }
-        let mut fitting = if self.fitting.numbers.len() < n {
-            self.fitting.clone()
-        } else {
+        let mut fitting = if self.fitting.cells.is_empty() {
             Fitting::drawn(shape, &self.weights, &self.known)
+        } else {
+            self.fitting.clone()
         };
         let all = (0..fitting.numbers.len() as u32).collect();
         let asking = std::mem::replace(&mut fitting.numbers, all);
@@ -236,7 +243,11 @@ impl<'a> Side<'a> {
             images: self.images.of(&asking),
             neighbours: mesh::between_cells(&shape.neighbours, &cells, asking.len()),
             weights: fitting.weights.clone(),
-            fitting,
+            fitting: if self.fitting.numbers.is_empty() {
+                Fitting::none(shape)
+            } else {
+                fitting
+            },
             asking,
             coordinates: self.coordinates.clone(),
             smoothed: self.smoothed.clone(),
