@@ -73,6 +73,8 @@ pub struct Shape {
     pub distance_operator: Mat<f64>,
     /// [Distances](Self::spectral_distances) between the samples on which maps are [judged](JUDGED).
     pub between_judged: Mat<f64>,
+    /// Coefficients of the positions, `(k, 3)`: `ΦᵀA` V.
+    pub coordinates: Mat<f64>,
     /// Pointwise descriptors.
     pub descriptors: Descriptors,
     /// Unit vertex normals, zero where undefined.
@@ -217,8 +219,12 @@ impl Shape {
             judged,
             judged,
         );
+        let weighted = Mat::from_fn(mesh.vertices.len(), 3, |i, c| {
+            laplacian.mass[i] * mesh.vertices[i][c]
+        });
         let neighbours = mesh.vertex_neighbours();
         Ok(Self {
+            coordinates: dense::product(functions.transpose(), weighted.as_ref()),
             between_judged,
             normals: mesh.vertex_normals(),
             volume_sign: mesh.volume_sign(),

@@ -50,7 +50,7 @@ pub struct Side<'a> {
     pub(super) neighbours: Adjacency,
     /// Images of the asking vertices on the other shape.
     pub images: Images,
-    /// `ΦᵀA` V, `(K, 3)`.
+    /// Coefficients of the surface that is low-passed, `(K, 3)`.
     coordinates: Mat<f64>,
     /// Low-passed surface, before any deformation.
     pub smoothed: Mat<f64>,
@@ -157,9 +157,6 @@ impl<'a> Side<'a> {
             let weights = shape.mass.iter().map(|a| share * a).collect();
             (all, shape.neighbours.clone(), weights)
         };
-        let weighted = Mat::from_fn(mesh.vertices.len(), 3, |i, c| {
-            shape.mass[i] * mesh.vertices[i][c]
-        });
         let known: Vec<(u32, u32)> = pair
             .hints
             .landmarks
@@ -203,7 +200,7 @@ impl<'a> Side<'a> {
             Fitting::drawn(shape, &weights, &known)
         };
         Self {
-            coordinates: dense::product(shape.basis.functions.transpose(), weighted.as_ref()),
+            coordinates: shape.coordinates.clone(),
             images: Images::unknown(asking.len()),
             asking,
             weights,
