@@ -176,7 +176,7 @@ impl<'a> EmbeddedCells<'a> {
             *nearer = square.max(0.0).sqrt() - radius;
         }
         let first = lowest_in_lanes(scores, &self.half_norms) as usize;
-        let mut best = (f32::INFINITY, u32::MAX);
+        let mut best = (f32::INFINITY, 0);
         self.look_into(first, query, &mut best);
         let mut reach = best.0.sqrt();
         let sizes = nearer.iter().zip(&self.sizes);
