@@ -115,6 +115,7 @@ impl WithSimd for Closest<'_> {
                     for (r, sum) in sums.iter_mut().enumerate() {
                         let fixed = match whole.get(number * REGISTERS + r) {
                             Some(whole) => *whole,
+                            // Beyond the last point offsets are infinite.
                             None => simd.partial_load_f32s(rest),
                         };
                         *sum = simd.add_f32s(*sum, fixed);
@@ -178,7 +179,16 @@ mod tests {
                     (0..points).min_by(cheaper).map(|i| i as u32)
                 };
                 let expected: Vec<u32> = (0..queries).filter_map(first).collect();
-                assert_eq!(closest(a.as_ref(), b.as_ref(), fixed, 0.5), expected);
+                let (queries, points) = (a.as_ref(), b.as_ref());
+                assert_eq!(closest(queries, points, fixed, 0.5), expected);
+                // Without vector registers too.
+                let narrow = Closest {
+                    queries,
+                    points,
+                    fixed,
+                    weight: 0.5,
+                };
+                assert_eq!(narrow.with_simd(pulp::Scalar::new()), expected);
             }
         }
     }
