@@ -235,8 +235,8 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64, check: Check<'_>) -> Re
     let (ask_t, ask_s) = (judging(target), judging(source));
     let (rows_t, rows_s) = (target.rows.first(k), source.rows.times(matrix.as_ref()));
     let (images, back) = rayon::join(
-        || (source.cells).nearest(&rows_t.gather(ask_t), &rows_s, check),
-        || (target.cells).nearest(&rows_s.gather(ask_s), &rows_t, check),
+        || source.cells.nearest(&rows_t.gather(ask_t), &rows_s, check),
+        || target.cells.nearest(&rows_s.gather(ask_s), &rows_t, check),
     );
     let (images, back) = (images?, back?);
     let change = |a: &Shape, b: &Shape, images: &[u32]| {
