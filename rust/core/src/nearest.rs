@@ -212,8 +212,7 @@ impl<'a> EmbeddedCells<'a> {
 }
 
 /// Index of the smallest `scores[j] + offsets[j]`, the first of equal ones; both equally long.
-#[must_use]
-pub fn lowest(scores: &[f32], offsets: &[f32]) -> u32 {
+fn lowest(scores: &[f32], offsets: &[f32]) -> u32 {
     vectorised(
         #[inline(always)]
         || lowest_in_lanes(scores, offsets),
