@@ -202,14 +202,20 @@ impl Rows {
     /// The points named by `ids`.
     #[must_use]
     pub fn gather(&self, ids: &[u32]) -> Self {
-        let mut out = Self::zeros(ids.len(), self.dims);
-        for (i, &id) in ids.iter().enumerate() {
-            out.row_mut(i).copy_from_slice(self.row(id as usize));
+        self.gather_widened(ids, self.dims)
+    }
+
+    /// The same with coordinates of zero added, `dims` in all.
+    #[must_use]
+    pub fn gather_widened(&self, ids: &[u32], dims: usize) -> Self {
+        let mut out = Self::zeros(ids.len(), dims);
+        for (wide, &id) in out.data.chunks_exact_mut(dims).zip(ids) {
+            wide[..self.dims].copy_from_slice(self.row(id as usize));
         }
         out
     }
 
-    /// The same points with coordinates of zero added.
+    /// The same points with coordinates of zero added, `dims` in all.
     #[must_use]
     pub fn widened(&self, dims: usize) -> Self {
         let mut out = Self::zeros(self.count(), dims);

@@ -139,8 +139,8 @@ impl<'a> EmbeddedCells<'a> {
     fn new(cells: &'a Cells, vertices: &Rows) -> Self {
         let dims = vertices.dims.next_multiple_of(COMPARED);
         let members = &cells.members;
-        let rows = vertices.gather(&members.entries).widened(dims);
-        let centres = vertices.gather(&cells.centres).widened(dims);
+        let rows = vertices.gather_widened(&members.entries, dims);
+        let centres = vertices.gather_widened(&cells.centres, dims);
         let radius = |cell: usize| {
             let [from, to] = [0, 1].map(|i| members.starts[cell + i] as usize);
             let away = |i| squared_distance(rows.row(i), centres.row(cell), f32::INFINITY);

@@ -30,9 +30,9 @@ pub const OPERATOR_SIZE: usize = 60;
 /// Samples on which maps are judged.
 pub const JUDGED: usize = 300;
 /// Meshes with more vertices than this are simplified to so many before anything else is done.
-pub const SIMPLIFIED_ABOVE: usize = 20_000;
+pub const SIMPLIFIED_ABOVE: usize = 9_000;
 /// Vertices of a simplified mesh.
-pub const SIMPLIFIED: usize = 6_000;
+pub const SIMPLIFIED: usize = 7_000;
 /// Meshes with fewer vertices than this are cut finer before anything else is done.
 pub const REFINED_BELOW: usize = 2_000;
 /// Vertices of a mesh that was cut finer, at most.

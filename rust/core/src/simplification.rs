@@ -2,7 +2,7 @@
 //!
 //! The maps that are sought are smooth: a spectrum of 150 eigenfunctions has no detail below a
 //! tenth of √area, so that a mesh of some ten thousand vertices shows it as well as one of a
-//! million.
+//! million. Fingers and ears are thin, though, and keep more vertices than their area.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -14,6 +14,11 @@ use crate::vector::{self, Point};
 /// Worst triangle a collapse may leave: quality (1 for equilateral) times the cosine by which its
 /// normal turns.
 const LEAST_QUALITY: f64 = 0.1;
+/// A vertex whose faces' normals add up to a share of their areas counts as much as its area over this power of the share.
+/// Errors between `MakeHuman` bodies are 6 % smaller than without, 3 % with the second or fourth power.
+const BENDING: i32 = 3;
+/// A smaller share counts as this one.
+const LEAST_SHARE: f64 = 0.1;
 /// A vertex that cannot be removed waits until the others' stars have grown by this.
 const PATIENCE: f32 = 1.5;
 /// Vertices with more faces stay: their star would cost too much to look at.
@@ -36,8 +41,8 @@ pub struct Simplified {
 
 /// Collapses edges until `wanted` vertices are left, or none can go.
 ///
-/// Vertices go in the order of the area around them, the smallest first, each into that neighbour
-/// which leaves the best shaped triangles; so the rest is spread evenly. The topology stays: an
+/// Vertices go in the order of the area around them, which counts more where it [bends](BENDING), the smallest first,
+/// each into that neighbour which leaves the best shaped triangles; so the rest is spread evenly. The topology stays: an
 /// edge is collapsed only when its ends have no common neighbours but those across it, boundaries
 /// shrink along themselves, and vertices at non-manifold edges stay. Memory: 40 bytes a vertex
 /// and 28 a face. The result does not depend on the number of threads.
@@ -68,7 +73,7 @@ struct Collapser<'a> {
     next: Vec<u32>,
     /// Which vertex a removed one was merged into; itself for the others.
     merged: Vec<u32>,
-    /// Twice the area of the faces around each vertex.
+    /// Twice the area of the faces around each vertex, or what it waits for.
     star: Vec<f32>,
     /// Marks of the vertices around the vertex at hand.
     stamp: Vec<u32>,
@@ -133,6 +138,11 @@ impl<'a> Collapser<'a> {
             let star = self.star[v as usize];
             if star > key {
                 queue.push(Reverse((star.to_bits(), v)));
+                continue;
+            }
+            let weight = star.max(self.weight(v));
+            if weight > key {
+                queue.push(Reverse((weight.to_bits(), v)));
             } else if self.remove(v) {
                 left -= 1;
             } else {
@@ -144,6 +154,23 @@ impl<'a> Collapser<'a> {
             }
         }
         Ok(())
+    }
+
+    /// Twice the area around a vertex, and [more](BENDING) where it bends.
+    fn weight(&self, v: u32) -> f32 {
+        let (mut sum, mut area) = ([0.0; 3], 0.0);
+        let mut corner = self.head[v as usize];
+        while corner != NONE {
+            let corners = self.faces[corner as usize / 3];
+            if corners[0] != NONE {
+                let normal = normal(corners.map(|c| self.positions[c as usize]));
+                sum = vector::add(sum, normal);
+                area += vector::norm(normal);
+            }
+            corner = self.next[corner as usize];
+        }
+        let share = (vector::norm(sum) / area).max(LEAST_SHARE);
+        (area / share.powi(BENDING)) as f32
     }
 
     /// Merges a vertex into a neighbour; false when that would harm the surface.

@@ -87,7 +87,7 @@ class Correspondence:
     @property
     def functional_map(self) -> Floats:
         """(k_target, k_source) coefficients on source → coefficients on target, both in the shapes'
-        public eigenfunctions. For a mesh of fewer than 2,000 or more than 20,000 vertices these are computed
+        public eigenfunctions. For a mesh of fewer than 2,000 or more than 9,000 vertices these are computed
         when this is first asked for; a file saved before that has no functional map between large ones."""
         if self._functional_map is None:
             if self._raw is None:

@@ -16,7 +16,7 @@ from . import _core, archive, memory
 from .errors import ArgumentError, MeshError, SgmdsError
 
 FORMAT = "sgmds-shape"
-VERSION = 3
+VERSION = 4
 """2: distances in single precision, large meshes simplified, another operator where a mesh is not regular;
 3: small meshes cut finer."""
 METRICS = ("euclidean", "scale-invariant")
@@ -159,7 +159,7 @@ class Shape:
     Reusable for many pairs. Public arrays are in the mesh's own units and numbering; vertices that
     were dropped (loose ones, smaller components) have zero mass and zero eigenfunctions.
 
-    A mesh of more than 20,000 vertices is matched through a simplified one, one of fewer than 2,000
+    A mesh of more than 9,000 vertices is matched through a simplified one, one of fewer than 2,000
     through a finer one of the same surface. Public arrays are
     nevertheless those of the given mesh; eigenvalues, eigenfunctions, geodesics and the distance
     operator are then computed when one of them is first asked for.
