@@ -103,7 +103,8 @@ pub(super) fn placed_anyhow(
 }
 
 /// The best of the first maps of a part by their completed figures, which take the place of those before: many are
-/// half turned after a short refinement, so that the right one may rank behind several.
+/// half turned after a short refinement, so that the right one may rank behind several. Once one of a few is clear the
+/// others are left.
 pub(super) fn best_of_part<'a>(
     hypotheses: &mut [Hypothesis],
     complete: &dyn Fn(&[Hypothesis]) -> Result<Vec<Completed<'a>>>,
@@ -120,6 +121,12 @@ pub(super) fn best_of_part<'a>(
             {
                 best = Some((batch * AT_ONCE + i, map));
             }
+        }
+        if best
+            .as_ref()
+            .is_some_and(|(_, map)| quality::clear(&map.figures))
+        {
+            break;
         }
     }
     Ok(best)
