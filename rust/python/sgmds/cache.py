@@ -17,7 +17,7 @@ from .locks import try_lock
 from .shape import Shape, checked_mesh
 
 LIMIT_BYTES = 10 * 2**30
-"""Size of a cache unless told otherwise: some 300 shapes of 20,000 vertices."""
+"""Size of a cache unless told otherwise: some 800 shapes of 20,000 vertices."""
 LOCK_DIGITS = 2
 """Digits of a key that name its lock file: the 256 files are shared, so that none ever has to be deleted."""
 LOCK_POLL_SECONDS = 0.1
