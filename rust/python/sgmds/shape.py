@@ -18,7 +18,7 @@ from .errors import ArgumentError, MeshError, SgmdsError
 FORMAT = "sgmds-shape"
 VERSION = 4
 """2: distances in single precision, large meshes simplified, another operator where a mesh is not regular;
-3: small meshes cut finer."""
+3: small meshes cut finer; 4: meshes above 9,000 vertices simplified, unevenly."""
 METRICS = ("euclidean", "scale-invariant")
 SMALLEST = 1e-140
 """Extent below which areas and eigenvalues leave the range of numbers, as they do above its inverse."""
