@@ -156,23 +156,18 @@ impl<'a> Collapser<'a> {
         Ok(())
     }
 
-    /// Its corner in each face around a vertex, with that face's corners.
-    fn around(&self, v: u32) -> impl Iterator<Item = (u32, [u32; 3])> {
-        let listed = |corner: u32| (corner != NONE).then_some(corner);
-        std::iter::successors(listed(self.head[v as usize]), move |&corner| {
-            listed(self.next[corner as usize])
-        })
-        .map(|corner| (corner, self.faces[corner as usize / 3]))
-        .filter(|(_, corners)| corners[0] != NONE)
-    }
-
     /// Twice the area around a vertex, and [more](BENDING) where it bends.
     fn weight(&self, v: u32) -> f32 {
         let (mut sum, mut area) = ([0.0; 3], 0.0);
-        for (_, corners) in self.around(v) {
-            let normal = normal(corners.map(|c| self.positions[c as usize]));
-            sum = vector::add(sum, normal);
-            area += vector::norm(normal);
+        let mut corner = self.head[v as usize];
+        while corner != NONE {
+            let corners = self.faces[corner as usize / 3];
+            if corners[0] != NONE {
+                let normal = normal(corners.map(|c| self.positions[c as usize]));
+                sum = vector::add(sum, normal);
+                area += vector::norm(normal);
+            }
+            corner = self.next[corner as usize];
         }
         let share = (vector::norm(sum) / area).max(LEAST_SHARE);
         (area / share.powi(BENDING)) as f32
@@ -191,13 +186,18 @@ impl<'a> Collapser<'a> {
         fan.faces.clear();
         fan.edges.clear();
         fan.ring.clear();
-        for (corner, c) in self.around(u) {
-            if fan.faces.len() == LARGEST_STAR {
-                return false;
+        let mut corner = self.head[u as usize];
+        while corner != NONE {
+            let (f, i) = (corner as usize / 3, corner as usize % 3);
+            let c = self.faces[f];
+            if c[0] != NONE {
+                if fan.faces.len() == LARGEST_STAR {
+                    return false;
+                }
+                fan.faces.push(f as u32);
+                fan.edges.push([c[(i + 1) % 3], c[(i + 2) % 3]]);
             }
-            let i = corner as usize % 3;
-            fan.faces.push(corner / 3);
-            fan.edges.push([c[(i + 1) % 3], c[(i + 2) % 3]]);
+            corner = self.next[corner as usize];
         }
         if fan.edges.len() < 2 {
             return false;
