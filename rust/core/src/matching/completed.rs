@@ -4,9 +4,10 @@ use super::Correspondence;
 use super::correspondence::dense_map;
 use crate::confidence::local_distortion;
 use crate::error::Result;
-use crate::pair::Pair;
+use crate::pair::{Pair, Shares};
 use crate::progress::Progress;
-use crate::refinement::embedded_surface::{self, Refined};
+use crate::quality;
+use crate::refinement::embedded_surface::{self, FULL, ISOMETRIC, Refined};
 use crate::refinement::upsampling::UPSAMPLED_SIZE;
 use crate::selection::{self, Figures, Hypothesis};
 use crate::shape::Shape;
@@ -149,11 +150,16 @@ fn refined<'a>(
         lengths: hypothesis.lengths,
         ..*pair
     };
+    let schedule = if pair.shares == Shares::BOTH && quality::isometric(&hypothesis.figures) {
+        ISOMETRIC
+    } else {
+        FULL
+    };
     let state = embedded_surface::refined(
         &pair,
         hypothesis.matrix.as_ref(),
         Some(&hypothesis.images),
-        embedded_surface::FULL,
+        schedule,
         &|f| report("refinement", 0.9 * f),
     )?;
     let pair = Pair {
@@ -167,7 +173,6 @@ fn refined<'a>(
 mod tests {
     use super::*;
     use crate::hints::Hints;
-    use crate::pair::Shares;
     use crate::testing::{self, RINGS, torus};
 
     #[test]

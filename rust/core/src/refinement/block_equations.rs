@@ -1,7 +1,8 @@
 //! Sparse symmetric positive definite equations of nodes that have twelve unknowns each: A = `UᵀU` by blocks.
 //!
 //! A row of U is held from the node itself on. Eliminating a node makes the later ones of its row depend on one another,
-//! and it is enough to hand that on to the first of them.
+//! and it is enough to hand that on to the first of them. Nodes in succession whose rows end alike are eliminated
+//! together, so that a later block, which lies far off in memory, is fetched once for all of them.
 //!
 //! # Source
 //! George, Liu, "Computer solution of large sparse positive definite systems", 1981, chapter 5.
@@ -18,6 +19,11 @@ pub type Block = [[f64; UNKNOWNS]; UNKNOWNS];
 /// Unknowns of one node.
 pub type Part = [f64; UNKNOWNS];
 
+/// Nodes eliminated together at most, so that their rows stay in the cache.
+const TOGETHER: usize = 8;
+/// Rows of a block worked out at once, whose sums fit into registers.
+const ROWS_AT_ONCE: usize = 4;
+
 /// Which blocks there are, row by row.
 #[derive(Debug)]
 pub struct BlockEquations {
@@ -25,6 +31,8 @@ pub struct BlockEquations {
     starts: Vec<usize>,
     /// Node of each block's columns: of a row the node itself, then later ones in their order.
     columns: Vec<u32>,
+    /// First of the nodes that are eliminated together, and the end of the last.
+    groups: Vec<usize>,
 }
 
 impl BlockEquations {
@@ -47,7 +55,20 @@ impl BlockEquations {
             columns.extend(row);
             starts.push(columns.len());
         }
-        Self { starts, columns }
+        let row = |node: usize| &columns[starts[node]..starts[node + 1]];
+        let mut groups = vec![0];
+        for node in 1..nodes {
+            let first = groups[groups.len() - 1];
+            if node - first == TOGETHER || row(node) != &row(node - 1)[1..] {
+                groups.push(node);
+            }
+        }
+        groups.push(nodes);
+        Self {
+            starts,
+            columns,
+            groups,
+        }
     }
 
     /// How many blocks there are.
@@ -80,28 +101,43 @@ impl BlockEquations {
 
     #[inline(always)]
     fn factorise(&self, blocks: &mut [Block]) -> Result<()> {
-        for node in 0..self.starts.len() - 1 {
-            let (from, to) = (self.starts[node], self.starts[node + 1]);
-            let (before, later) = blocks.split_at_mut(to);
-            let Some((diagonal, row)) = before[from..].split_first_mut() else {
-                continue;
-            };
-            if !cholesky(diagonal) {
-                return Err(Error::NotFactorised {
-                    reason: format!("a pivot of node {node} is not positive"),
-                });
+        for group in self.groups.windows(2) {
+            let nodes = group[0]..group[1];
+            for node in nodes.clone() {
+                let (from, to) = (self.starts[node], self.starts[node + 1]);
+                let (before, later) = blocks.split_at_mut(to);
+                let Some((diagonal, row)) = before[from..].split_first_mut() else {
+                    continue;
+                };
+                if !cholesky(diagonal) {
+                    return Err(Error::NotFactorised {
+                        reason: format!("a pivot of node {node} is not positive"),
+                    });
+                }
+                for block in row.iter_mut() {
+                    substitute_forward(diagonal, block);
+                }
+                // The rest of the group has the same columns from its own on.
+                let mut at = 0;
+                for i in 0..nodes.end - node - 1 {
+                    for other in &row[i..] {
+                        subtract_products(&mut later[at], [(&row[i], other)].into_iter());
+                        at += 1;
+                    }
+                }
             }
-            for block in row.iter_mut() {
-                substitute_forward(diagonal, block);
-            }
-            let columns = &self.columns[from + 1..to];
-            for (i, (&node, own)) in columns.iter().zip(row.iter()).enumerate() {
+            let (done, later) = blocks.split_at_mut(self.starts[nodes.end]);
+            let below = |node: usize| &done[self.starts[node]..][nodes.end - node..];
+            let last = self.starts[nodes.end - 1] + 1;
+            let columns = &self.columns[last..self.starts[nodes.end]];
+            for (i, &node) in columns.iter().enumerate() {
                 let mut at = self.starts[node as usize];
-                for (&column, other) in columns[i..].iter().zip(&row[i..]) {
+                for (j, &column) in columns.iter().enumerate().skip(i) {
                     while self.columns[at] < column {
                         at += 1;
                     }
-                    subtract_product(&mut later[at - to], own, other);
+                    let rows = nodes.clone().map(|node| (&below(node)[i], &below(node)[j]));
+                    subtract_products(&mut later[at - self.starts[nodes.end]], rows);
                 }
             }
         }
@@ -188,17 +224,29 @@ fn substitute_forward<const COLUMNS: usize>(u: &Block, right: &mut [[f64; COLUMN
     }
 }
 
-/// Subtracts `AᵀB`.
+/// Subtracts the sum of `AᵀB`.
 #[inline(always)]
-fn subtract_product(block: &mut Block, a: &Block, b: &Block) {
-    for (r, row) in block.iter_mut().enumerate() {
-        let mut sums = *row;
-        for (a, line) in a.iter().zip(b) {
-            for (sum, x) in sums.iter_mut().zip(line) {
-                *sum -= a[r] * x;
+fn subtract_products<'a>(
+    block: &mut Block,
+    factors: impl Iterator<Item = (&'a Block, &'a Block)> + Clone,
+) {
+    for (first, rows) in block.chunks_exact_mut(ROWS_AT_ONCE).enumerate() {
+        let mut sums = [[0.0; UNKNOWNS]; ROWS_AT_ONCE];
+        for (a, b) in factors.clone() {
+            for (a, line) in a.iter().zip(b) {
+                for (r, sums) in sums.iter_mut().enumerate() {
+                    let factor = a[ROWS_AT_ONCE * first + r];
+                    for (sum, x) in sums.iter_mut().zip(line) {
+                        *sum += factor * x;
+                    }
+                }
             }
         }
-        *row = sums;
+        for (row, sums) in rows.iter_mut().zip(&sums) {
+            for (entry, sum) in row.iter_mut().zip(sums) {
+                *entry -= sum;
+            }
+        }
     }
 }
 

@@ -76,10 +76,9 @@ const AFTER_SLIDING: Weights = Weights {
 /// By how much more than before a surface that slid may stretch edges: where parts bend too sharply for it and maps
 /// become worse it is 1.26 to 1.32 times as much, elsewhere 0.75 to 1.15 times.
 const MOST_STRETCHED: f64 = 1.2;
-/// Rounds in which surfaces slide at most.
-const SLIDES: usize = 5;
-/// Rounds at first in which the vertex nearest to an image stands for it; all rounds so, errors are two per cent larger.
-const SLIDES_BY_VERTICES: usize = 3;
+/// Last rounds of sliding, in which images are points of triangles, in those before the vertices nearest to them: in all
+/// rounds by vertices, errors are two per cent larger.
+const SLIDES_WITHIN_TRIANGLES: usize = 2;
 /// How far beyond where it is drawn a surface goes on in all rounds between the first and the last, relative to the way
 /// there: without it the same errors take eight rounds, with half and three quarters of it six.
 const BEYOND: f64 = 0.8;
@@ -117,10 +116,14 @@ const DETAIL: usize = 100;
 pub struct Schedule {
     /// Whether two ways climb first.
     pub two_ways: bool,
+    /// Eigenfunctions to which surfaces are low-passed at least.
+    pub detail: usize,
     /// Numbers of eigenfunctions, one a step.
     pub sizes: &'static [usize],
     /// Numbers of eigenfunctions of the steps on the whole surface afterwards.
     pub rigid_sizes: &'static [usize],
+    /// Rounds at most in which surfaces slide after that.
+    pub slides: usize,
     /// Only this many vertices of each shape ask, all when `None`.
     pub drawn: Option<usize>,
 }
@@ -128,16 +131,28 @@ pub struct Schedule {
 /// The full schedule: two ways, 60 to 150 eigenfunctions in equal ratios, then on the whole surface.
 pub const FULL: Schedule = Schedule {
     two_ways: true,
+    detail: DETAIL,
     sizes: &[60, 75, 95, 120, 150],
     rigid_sizes: &[80, 120, 150, 150],
+    slides: 5,
     drawn: None,
+};
+
+/// Of a map that keeps distances: a second way would find nothing better, and the last steps have less to do.
+pub const ISOMETRIC: Schedule = Schedule {
+    two_ways: false,
+    rigid_sizes: &[150, 150],
+    slides: 4,
+    ..FULL
 };
 
 /// The short one, by which candidates are compared.
 pub const SHORT: Schedule = Schedule {
     two_ways: false,
+    detail: 0,
     sizes: &[60, 76, 95, 120, 120],
     rigid_sizes: &[],
+    slides: 0,
     drawn: Some(800),
 };
 
@@ -399,11 +414,7 @@ impl<'a> Refined<'a> {
                 .seen(relative_length(pair, on_source, on_target));
         }
         self.place_moving_on_still();
-        let (before, detail) = if schedule.two_ways {
-            (CLIMB.len(), DETAIL)
-        } else {
-            (0, 0)
-        };
+        let before = if schedule.two_ways { CLIMB.len() } else { 0 };
         let steps = (before + schedule.sizes.len() + schedule.rigid_sizes.len()) as f64;
         let settles = !schedule.rigid_sizes.is_empty()
             && pair.uses(Part::Extrinsic)
@@ -419,7 +430,7 @@ impl<'a> Refined<'a> {
                         report(step as f64 / steps)
                     })?;
                 }
-                self.climb(schedule.sizes, detail, &|step| {
+                self.climb(schedule.sizes, schedule.detail, &|step| {
                     report((before + step) as f64 / steps)
                 })
             },
@@ -432,7 +443,7 @@ impl<'a> Refined<'a> {
             })?;
             let coincide = self.settle_coinciding(&|| report(1.0))?;
             if let Some(sliding) = sliding.filter(|_| !coincide) {
-                self.settle_parts(sliding, &|| report(1.0))?;
+                self.settle_parts(sliding, schedule.slides, &|| report(1.0))?;
             }
         }
         Ok(self)
@@ -666,7 +677,7 @@ impl<'a> Refined<'a> {
     /// The moving surface [slides](Self::slide) along the other. Between bodies of different build in one pose this is the
     /// last word. In other poses spectrum and looks have it, and nothing changes where edges would be stretched much more
     /// than before.
-    fn settle_parts(&mut self, sliding: Sliding, check: Check<'_>) -> Result<()> {
+    fn settle_parts(&mut self, sliding: Sliding, rounds: usize, check: Check<'_>) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
         let matched: Vec<(Point, Point, f64)> = (self.moving.images.vertex.iter().enumerate())
             .map(|(v, &image)| {
@@ -677,7 +688,7 @@ impl<'a> Refined<'a> {
         let same_pose = parts::off_affine(&matched).is_some_and(|off| off <= SAME_POSE);
         let whole_still = as_matrix(&still.mesh.vertices);
         if same_pose {
-            return self.slide(sliding, whole_still.as_ref(), check);
+            return self.slide(sliding, rounds, whole_still.as_ref(), check);
         }
         let lengths = self.lengths;
         let stretch = |images: &Images| {
@@ -686,7 +697,7 @@ impl<'a> Refined<'a> {
         };
         let kept = self.kept();
         let before = stretch(&self.moving.images);
-        self.slide(sliding, whole_still.as_ref(), check)?;
+        self.slide(sliding, rounds, whole_still.as_ref(), check)?;
         if stretch(&self.moving.images) > MOST_STRETCHED * before {
             self.put_back(kept, whole_still.as_ref());
             return Ok(());
@@ -704,6 +715,7 @@ impl<'a> Refined<'a> {
     fn slide(
         &mut self,
         sliding: Sliding,
+        rounds: usize,
         whole_still: MatRef<'_, f64>,
         check: Check<'_>,
     ) -> Result<()> {
@@ -713,9 +725,9 @@ impl<'a> Refined<'a> {
             bulging: [on_moving, on_still],
         } = sliding;
         let (mut anchors, mut drawn): (Option<Vec<Point>>, Option<Vec<Point>>) = (None, None);
-        for round in 0..SLIDES {
+        for round in 0..rounds {
             let feet: Vec<Foot> = self
-                .image_points(round >= SLIDES_BY_VERTICES, check)?
+                .image_points(round + SLIDES_WITHIN_TRIANGLES >= rounds, check)?
                 .iter()
                 .map(|image| Foot::new(still, &on_still, image))
                 .collect();
@@ -728,7 +740,7 @@ impl<'a> Refined<'a> {
                 })
                 .collect();
             let places = surface.drawn_to(&pulls, check)?;
-            let last = round + 1 == SLIDES;
+            let last = round + 1 == rounds;
             let from = drawn.as_ref().filter(|_| !last).unwrap_or(&places);
             self.deformed = Mat::from_fn(places.len(), 3, |v, c| {
                 places[v][c] + BEYOND * (places[v][c] - from[v][c])

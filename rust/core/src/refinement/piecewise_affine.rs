@@ -327,6 +327,8 @@ fn nearest_nodes(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Vec<V
         .map(|(node, &v)| Reverse((0, node as u32, v)))
         .collect();
     let mut found: Vec<Vec<(u32, f64)>> = vec![Vec::with_capacity(NEAREST); rest.len()];
+    // The least distance of each node that waits at a vertex: longer ways there need not.
+    let mut least: Vec<Vec<(u32, f64)>> = vec![Vec::with_capacity(2 * NEAREST); rest.len()];
     while let Some(Reverse((bits, node, v))) = waiting.pop() {
         let (here, known) = (rest[v as usize], &mut found[v as usize]);
         if known.len() == NEAREST || known.iter().any(|(other, _)| *other == node) {
@@ -335,10 +337,17 @@ fn nearest_nodes(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Vec<V
         let away = f64::from_bits(bits);
         known.push((node, away));
         for &u in neighbours.row(v as usize) {
-            let there = away + vector::distance(here, rest[u as usize]);
-            if found[u as usize].len() < NEAREST {
-                waiting.push(Reverse((there.to_bits(), node, u)));
+            if found[u as usize].len() == NEAREST {
+                continue;
             }
+            let there = away + vector::distance(here, rest[u as usize]);
+            let least = &mut least[u as usize];
+            match least.iter_mut().find(|(other, _)| *other == node) {
+                Some((_, shorter)) if *shorter <= there => continue,
+                Some((_, longer)) => *longer = there,
+                None => least.push((node, there)),
+            }
+            waiting.push(Reverse((there.to_bits(), node, u)));
         }
     }
     found
