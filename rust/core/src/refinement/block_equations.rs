@@ -258,16 +258,23 @@ mod tests {
 
     #[test]
     fn equations_in_blocks_are_those_of_a_dense_matrix() {
-        // A ring of nodes and one link across, which fill in others; blocks of any numbers with a strong diagonal.
-        let nodes = 7;
+        // A ring of nodes and one link across, which fill in others, and more nodes that all depend on one another than
+        // are eliminated together; blocks of any numbers with a strong diagonal.
+        let nodes = 16;
         let ring = (0..nodes).map(|a: u32| (a, (a + 1) % nodes));
-        let pairs: Vec<(u32, u32)> = ring
+        let dense = (6..nodes).flat_map(|a| (a..nodes).map(move |b| (a, b)));
+        let mut pairs: Vec<(u32, u32)> = ring
             .chain((0..nodes).map(|a| (a, a)))
             .chain([(1, 4)])
+            .chain(dense)
             .map(|(a, b)| (a.max(b), a.min(b)))
             .collect();
+        pairs.sort_unstable();
+        pairs.dedup();
         let equations = BlockEquations::new(nodes as usize, &pairs);
         assert!(equations.blocks() > pairs.len());
+        let sizes: Vec<usize> = equations.groups.windows(2).map(|g| g[1] - g[0]).collect();
+        assert!(sizes.contains(&1) && sizes.contains(&TOGETHER) && sizes.len() > 2);
         let n = UNKNOWNS * nodes as usize;
         let mut dense = Mat::zeros(n, n);
         let mut blocks = vec![[[0.0; UNKNOWNS]; UNKNOWNS]; equations.blocks()];
@@ -279,7 +286,7 @@ mod tests {
                         [(first, i), (last, j)].map(|(node, i)| UNKNOWNS * node as usize + i);
                     let (low, high) = (row.min(column), row.max(column));
                     let value = ((low * 31 + high * 17) as f64).sin();
-                    *entry = value + if row == column { 60.0 } else { 0.0 };
+                    *entry = value + if row == column { 200.0 } else { 0.0 };
                     dense[(row, column)] = *entry;
                     dense[(column, row)] = *entry;
                 }
@@ -292,7 +299,7 @@ mod tests {
             .collect();
         equations.solve(&mut blocks, &mut found).expect("regular");
         for (found, truth) in found.iter().flatten().zip(&truth) {
-            // Rounding of sums of 84 numbers up to 60, relative to eigenvalues of 20 and more.
+            // Rounding of sums of 192 numbers up to 200, relative to eigenvalues of 8 and more.
             assert!((found - truth).abs() < 1e-12, "{found} {truth}");
         }
     }
