@@ -121,7 +121,7 @@ impl BlockEquations {
                 let mut at = 0;
                 for i in 0..nodes.end - node - 1 {
                     for other in &row[i..] {
-                        subtract_products(&mut later[at], [(&row[i], other)].into_iter());
+                        subtract_products(&mut later[at], &[(&row[i], other)].into_iter());
                         at += 1;
                     }
                 }
@@ -137,7 +137,7 @@ impl BlockEquations {
                         at += 1;
                     }
                     let rows = nodes.clone().map(|node| (&below(node)[i], &below(node)[j]));
-                    subtract_products(&mut later[at - self.starts[nodes.end]], rows);
+                    subtract_products(&mut later[at - self.starts[nodes.end]], &rows);
                 }
             }
         }
@@ -228,7 +228,7 @@ fn substitute_forward<const COLUMNS: usize>(u: &Block, right: &mut [[f64; COLUMN
 #[inline(always)]
 fn subtract_products<'a>(
     block: &mut Block,
-    factors: impl Iterator<Item = (&'a Block, &'a Block)> + Clone,
+    factors: &(impl Iterator<Item = (&'a Block, &'a Block)> + Clone),
 ) {
     for (first, rows) in block.chunks_exact_mut(ROWS_AT_ONCE).enumerate() {
         let mut sums = [[0.0; UNKNOWNS]; ROWS_AT_ONCE];
