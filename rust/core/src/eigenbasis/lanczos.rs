@@ -7,16 +7,12 @@ use faer::prelude::*;
 use super::ROWS_A_PIECE;
 use super::orthogonal::{eigen, least_pivot, orthonormalise, remove};
 use super::shifted_factor::ShiftedFactor;
+use super::slices::Slice;
 use crate::error::{Error, Result};
 
 /// Vectors multiplied at once: a row of four fills a vector register. At 5k vertices and k = 200 the space has 344, 400,
 /// 480 dimensions with 4, 8, 16 vectors, and orthogonalisation grows with the square.
 const BLOCK: usize = 4;
-
-/// Size of the space needed per hundred wanted pairs, and for a few: measured at k = 4 to 300. A block too many costs
-/// less than to look again.
-const SIZE_PER_HUNDRED_PAIRS: usize = 150;
-const LEAST_SIZE: usize = 50;
 
 /// Blocks made orthogonal to all before them together, so that the basis, which is far larger than the nearest cache,
 /// is read less often. With three, what rounding leaves along converged Ritz vectors grows too large while they wait.
@@ -50,9 +46,8 @@ pub(super) struct RitzPairs {
     pub(super) solves: usize,
 }
 
-/// At least `count` solves with a factor, in the blocks of the iteration.
-pub(super) fn bare_solves(factor: &ShiftedFactor<'_>, count: usize) {
-    let n = factor.ordering().len();
+/// At least `count` solves with a factor of `n` rows, in the blocks of the iteration.
+pub(super) fn bare_solves(factor: &ShiftedFactor<'_>, n: usize, count: usize) {
     let mut block = vec![[1.0; BLOCK]; n];
     for _ in 0..count.div_ceil(BLOCK) {
         // Numbers near the least take longer.
@@ -115,20 +110,21 @@ impl<'a> BlockLanczos<'a> {
         }
     }
 
-    /// Extends the space until the `wanted` smallest `λ = s + 1/ν > 0` have
-    /// `‖Mx − νx‖ ≤ bound·λ_wanted·ν²`, as many of them lie below `s` as the factor's inertia says,
-    /// and as many below a shift above them all as its factor's.
+    /// Extends the space until the `λ = s + 1/ν` of a slice that `s` lies in have `‖Mx − νx‖ ≤ bound·λ_last·ν²`, and
+    /// as many lie below `s` and between its borders as the inertia of factors says.
     pub(super) fn run(
         mut self,
-        wanted: usize,
+        slice: &Slice,
         bound: f64,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<RitzPairs> {
+        let wanted = slice.count();
         // The deflated constant is below the shift as well.
-        let below = (self.factor.eigenvalues_below().saturating_sub(1)).min(wanted);
+        let below = (self.factor.eigenvalues_below().saturating_sub(1)).min(slice.end);
         let shift = self.factor.shift();
-        let most = (PATIENCE * expected_size(wanted)).min(self.basis.nrows() - 2 * BLOCK);
-        let mut check_at = expected_size(wanted);
+        let size = slice.expected_size().next_multiple_of(BLOCK);
+        let most = (PATIENCE * size).min(self.basis.nrows() - 2 * BLOCK);
+        let mut check_at = size;
         loop {
             if cancelled() {
                 return Err(Error::Cancelled);
@@ -143,7 +139,10 @@ impl<'a> BlockLanczos<'a> {
             }
             let (values, vectors) = eigen(self.projected.submatrix(0, 0, m, m))?;
             let found = spectrum_order(&values, shift);
-            let order = &found[..wanted.min(found.len())];
+            let found_below = found.iter().filter(|&&i| values[i] < 0.0).count();
+            // Those below the shift are counted from it downwards.
+            let first = (found_below + slice.first).saturating_sub(below);
+            let order = &found[first.min(found.len())..(first + wanted).min(found.len())];
             let last = self.projected.submatrix(m, m - BLOCK, BLOCK, BLOCK);
             let tails = last
                 * Mat::from_fn(BLOCK, order.len(), |i, j| {
@@ -156,12 +155,11 @@ impl<'a> BlockLanczos<'a> {
                 .map(|(&i, tail)| tail.norm_l2() / (bound * largest * values[i] * values[i]))
                 .collect();
             let worst = errors.iter().copied().fold(0.0, f64::max);
-            let found_below = order.iter().filter(|&&i| values[i] < 0.0).count();
             let lambda = |&i: &usize| shift + 1.0 / values[i];
             if worst <= 1.0
                 && order.len() == wanted
-                && found_below == below
-                && self.none_missed(&found.iter().map(lambda).collect::<Vec<_>>(), wanted)
+                && found_below + slice.first >= below
+                && self.none_missed(&found.iter().map(lambda).collect::<Vec<_>>(), first, slice)
             {
                 return self.pairs(order, &values, vectors.as_ref(), tails.as_ref(), cancelled);
             }
@@ -183,10 +181,19 @@ impl<'a> BlockLanczos<'a> {
         }
     }
 
-    /// Whether as many eigenvalues as Ritz values lie below the first gap at or after the last `wanted`. A block
-    /// of fewer vectors than an eigenvalue has copies finds the others late.
-    fn none_missed(&self, found: &[f64], wanted: usize) -> bool {
-        (wanted..found.len())
+    /// Whether no eigenvalue of the slice is missed by Ritz values, ascending, of which those of the slice start at
+    /// `first`: a block of fewer vectors than an eigenvalue has copies finds the others late. An end that has no
+    /// place yet gets one in the first gap from there on.
+    fn none_missed(&self, found: &[f64], first: usize, slice: &Slice) -> bool {
+        let end = first + slice.count();
+        let below = |place: f64| found.partition_point(|&value| value < place);
+        if below(slice.from) != first {
+            return false;
+        }
+        if let Some(to) = slice.to {
+            return below(to) == end;
+        }
+        (end..found.len())
             .filter(|&r| found[r] - found[r - 1] > GAP * found[r])
             .take(GAPS_TRIED)
             .find_map(|r| {
@@ -194,7 +201,7 @@ impl<'a> BlockLanczos<'a> {
                     .factor
                     .with_shift(f64::midpoint(found[r - 1], found[r]))?;
                 // The deflated constant is below as well.
-                Some(factor.eigenvalues_below() == 1 + r)
+                Some(factor.eigenvalues_below() == 1 + slice.end + r - end)
             })
             .unwrap_or(false)
     }
@@ -350,11 +357,6 @@ fn spectrum_order(values: &[f64], shift: f64) -> Vec<usize> {
         .filter(|&i| shift + 1.0 / values[i] > 0.0)
         .chain((negative..values.len()).rev())
         .collect()
-}
-
-/// Size of the space at which convergence is first looked at.
-pub(super) fn expected_size(wanted: usize) -> usize {
-    (wanted * SIZE_PER_HUNDRED_PAIRS / 100 + LEAST_SIZE).next_multiple_of(BLOCK)
 }
 
 fn starting_block(n: usize) -> Mat<f64> {

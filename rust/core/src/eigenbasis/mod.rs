@@ -3,16 +3,18 @@
 mod lanczos;
 mod orthogonal;
 mod shifted_factor;
+mod slices;
 mod substitution;
 
 use std::collections::VecDeque;
 use std::f64::consts::PI;
 
 use faer::{Col, Mat};
+use rayon::prelude::*;
 
-use self::lanczos::{BlockLanczos, RitzPairs, expected_size};
 use self::orthogonal::eigen;
-use self::shifted_factor::{Pattern, ShiftedFactor};
+use self::shifted_factor::Pattern;
+use self::slices::{Slice, Spectrum};
 use crate::dense::vectorised;
 use crate::error::{Error, Result};
 use crate::laplacian::Laplacian;
@@ -22,20 +24,6 @@ pub const RESIDUAL_BOUND: f64 = 1e-8;
 
 /// The iteration stops at this fraction of the bound; the rest is for rounding in the check.
 const SAFETY: f64 = 0.25;
-
-/// The shift lies where this fraction of the wanted eigenvalues is below it. Krylov spaces then
-/// find both ends equally late, at 5k vertices and k = 200 with 400 vectors instead of 600 for a
-/// shift below the spectrum.
-const FRACTION_BELOW: f64 = 0.62;
-
-/// How far from that fraction, in fractions of the wanted, the shift may end.
-const FRACTION_TOLERANCE: f64 = 0.08;
-
-/// Factorisations tried to place the shift.
-const SHIFT_TRIALS: usize = 6;
-
-/// A shift whose factor is inaccurate is replaced by this multiple.
-const SHIFT_STEP_ASIDE: f64 = 0.97;
 
 /// Rows of the basis multiplied at once, so that they stay in the cache: a multiple of the 48 of faer's kernel.
 const ROWS_A_PIECE: usize = 96;
@@ -70,10 +58,10 @@ pub struct Eigenbasis {
 impl Eigenbasis {
     /// The `k` smallest eigenpairs.
     ///
-    /// Shift-invert block Lanczos with full orthogonalisation; the count below the shift is
-    /// checked against the factor's inertia, and the count of all against that of a factor whose
-    /// shift lies just above them. The result does not depend on the number of threads. Working
-    /// memory per vertex: about `8·(1.5 k + 60) + 8 k` bytes and two factors.
+    /// Shift-invert block Lanczos with full orthogonalisation, in two slices of the spectrum side by side from 140 pairs
+    /// on; what lies below the shifts, between the slices and below a value just above all pairs is counted by the
+    /// inertia of factors. The result does not depend on the number of threads. Working memory per vertex: about
+    /// `8·(1.6 k + 160) + 8 k` bytes and two factors.
     ///
     /// # Errors
     /// [`Error::BadArgument`] when `k` is 0 or more than the vertices, [`Error::NotFactorised`],
@@ -82,8 +70,8 @@ impl Eigenbasis {
     ///
     /// # Source
     /// Grimes, Lewis, Simon, "A shifted block Lanczos algorithm for solving sparse symmetric
-    /// generalized eigenproblems", 1994. Where we part: one shift, placed inside the wanted
-    /// spectrum; the known constant is deflated; blocks are made orthogonal to all before them, two at a time.
+    /// generalized eigenproblems", 1994. Where we part: the known constant is deflated; blocks are made orthogonal to
+    /// all before them, two at a time; a slice has one shift, and a border that a factor counted.
     pub fn new(
         laplacian: &Laplacian,
         k: usize,
@@ -107,7 +95,7 @@ impl Eigenbasis {
             solves: 0,
         };
         if k > 1 {
-            if n <= DENSE_RATIO * expected_size(k - 1) {
+            if n <= DENSE_RATIO * Slice::lowest(k - 1).expected_size() {
                 basis.fill_dense(laplacian, &root_mass, area, cancelled)?;
             } else {
                 basis.fill_sparse(laplacian, &root_mass, area, cancelled)?;
@@ -155,32 +143,44 @@ impl Eigenbasis {
         area: f64,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<()> {
-        let wanted = self.values.len() - 1;
+        let k = self.values.len();
         let pattern = Pattern::new(laplacian)?;
-        let factor = factor_within_spectrum(&pattern, wanted, area, cancelled)?;
-        let ordering = factor.ordering();
+        let ordering = pattern.ordering();
         let ordered: Vec<f64> = ordering.iter().map(|&v| root_mass[v as usize]).collect();
         let constant = Col::from_fn(ordered.len(), |i| ordered[i] / area.sqrt());
-        let lanczos =
-            BlockLanczos::new(&factor, &ordered, constant.as_ref(), expected_size(wanted));
-        let RitzPairs {
-            values,
-            vectors,
-            solves,
-        } = lanczos.run(wanted, SAFETY * RESIDUAL_BOUND, cancelled)?;
+        let spectrum = Spectrum {
+            pattern: &pattern,
+            root_mass: &ordered,
+            constant: constant.as_ref(),
+            spacing: weyl_spacing(area),
+            bound: SAFETY * RESIDUAL_BOUND,
+            cancelled,
+        };
+        let parts = spectrum.lowest(k - 1)?;
         if cancelled() {
             return Err(Error::Cancelled);
         }
-        self.solves = solves;
-        self.values[1..].copy_from_slice(&values);
-        let mut place = vec![0; ordering.len()];
-        for (i, &v) in ordering.iter().enumerate() {
-            place[v as usize] = i;
+        self.solves = parts.iter().map(|part| part.solves).sum();
+        let values = parts.iter().flat_map(|part| &part.values);
+        for (own, value) in self.values[1..].iter_mut().zip(values) {
+            *own = *value;
         }
-        self.functions = Mat::from_fn(place.len(), 1 + wanted, |v, j| match j {
-            0 => 1.0 / area.sqrt(),
-            _ => vectors[(place[v], j - 1)] / root_mass[v],
-        });
+        let mut places = vec![(0, 0.0); ordering.len()];
+        for (i, &v) in ordering.iter().enumerate() {
+            places[v as usize] = (i, 1.0 / ordered[i]);
+        }
+        self.functions.resize_with(places.len(), k, |_, _| 0.0);
+        let functions = self.functions.col_iter_mut().skip(1);
+        let vectors = parts.iter().flat_map(|part| part.vectors.col_iter());
+        functions
+            .zip(vectors)
+            .collect::<Vec<_>>()
+            .into_par_iter()
+            .for_each(|(function, vector)| {
+                for (value, &(place, scale)) in function.iter_mut().zip(&places) {
+                    *value = vector[place] * scale;
+                }
+            });
         Ok(())
     }
 
@@ -287,44 +287,15 @@ impl Eigenbasis {
 /// [`Error::NotFactorised`].
 pub fn bare_solves(laplacian: &Laplacian, count: usize) -> Result<()> {
     let pattern = Pattern::new(laplacian)?;
-    let area = laplacian.mass.iter().sum();
-    lanczos::bare_solves(
-        &factor_within_spectrum(&pattern, count, area, &|| false)?,
-        count,
-    );
+    let spacing = weyl_spacing(laplacian.mass.iter().sum());
+    let factor = Slice::lowest(count).factor(&pattern, spacing, &|| false)?;
+    lanczos::bare_solves(&factor, laplacian.len(), count);
     Ok(())
 }
 
-/// Factor of `W − sA` with `s` at about `FRACTION_BELOW` of the wanted spectrum.
-///
-/// Starts from Weyl's `λ_j ≈ 4πj/area` and corrects by the count of eigenvalues below.
-fn factor_within_spectrum<'a>(
-    pattern: &'a Pattern<'a>,
-    wanted: usize,
-    area: f64,
-    cancelled: &(dyn Fn() -> bool + Sync),
-) -> Result<ShiftedFactor<'a>> {
-    let target = FRACTION_BELOW * wanted as f64;
-    let mut shift = 4.0 * PI * target.max(0.5) / area;
-    for trial in 1..=SHIFT_TRIALS {
-        if cancelled() {
-            return Err(Error::Cancelled);
-        }
-        let Some(factor) = pattern.factor(shift) else {
-            shift *= SHIFT_STEP_ASIDE;
-            continue;
-        };
-        let below = factor.eigenvalues_below() as f64;
-        let tolerance = (FRACTION_TOLERANCE * wanted as f64).max(2.0);
-        // A shift off its best place only costs solves.
-        if (below - target).abs() <= tolerance || trial + 2 > SHIFT_TRIALS {
-            return Ok(factor);
-        }
-        shift *= (target / below.max(1.0)).clamp(0.25, 4.0);
-    }
-    Err(Error::NotFactorised {
-        reason: format!("no accurate factor for {SHIFT_TRIALS} shifts up to {shift:.3}"),
-    })
+/// Distance of eigenvalues far from zero: Weyl's `λ_j ≈ 4πj/area`.
+fn weyl_spacing(area: f64) -> f64 {
+    4.0 * PI / area
 }
 
 /// `Wφ − λAφ` of some pairs into the columns of `defects`, `(n, C)`, and their norms: `√(rᵀA⁻¹r)`.

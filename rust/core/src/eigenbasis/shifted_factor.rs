@@ -56,6 +56,14 @@ impl<'a> Pattern<'a> {
         })
     }
 
+    /// Row `i` of a factor belongs to vertex `ordering()[i]`.
+    pub(super) fn ordering(&self) -> Vec<u32> {
+        self.symbolic.perm().map_or_else(
+            || (0..self.laplacian.len() as u32).collect(),
+            |p| p.arrays().0.to_vec(),
+        )
+    }
+
     /// Factor of `W − sA`; none when a pivot vanished or solves are inaccurate.
     pub(super) fn factor(&self, shift: f64) -> Option<ShiftedFactor<'_>> {
         let n = self.laplacian.len();
@@ -119,7 +127,7 @@ impl ShiftedFactor<'_> {
 
     /// Whether a solve with a known answer is right: `(W − sA)⁻¹A·1 = −1/s`.
     fn is_accurate(&self) -> bool {
-        let ordering = self.ordering();
+        let ordering = self.pattern.ordering();
         let mass = &self.pattern.laplacian.mass;
         let mut x: Vec<[f64; 1]> = ordering.iter().map(|&v| [mass[v as usize]]).collect();
         self.solve(&mut x);
@@ -128,14 +136,6 @@ impl ShiftedFactor<'_> {
             .map(|[x]| (x * self.shift + 1.0).abs())
             .try_fold(0.0, |m: f64, e| e.is_finite().then_some(m.max(e)));
         worst.is_some_and(|e| e < SOLVE_ACCURACY)
-    }
-
-    /// Row `i` of the factor belongs to vertex `ordering()[i]`.
-    pub(super) fn ordering(&self) -> Vec<u32> {
-        self.pattern.symbolic.perm().map_or_else(
-            || (0..self.pattern.laplacian.len() as u32).collect(),
-            |p| p.arrays().0.to_vec(),
-        )
     }
 
     /// Eigenvalues below the shift: negative entries of `D`, by Sylvester's law of inertia.
@@ -190,12 +190,12 @@ fn supernode(numeric: supernodal::SupernodalLdltRef<'_, u32, f64>, s: usize) -> 
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::mesh::Mesh;
 
     /// An uneven sheet; its factor has supernodes of one column and of many.
-    fn laplacian() -> Laplacian {
+    pub(in super::super) fn laplacian() -> Laplacian {
         let side = 24;
         let at = |i: usize| (i / side, i % side);
         let vertices: Vec<[f64; 3]> = (0..side * side)
@@ -215,7 +215,7 @@ mod tests {
     fn assert_solves<const C: usize>(laplacian: &Laplacian, shift: f64) {
         let pattern = Pattern::new(laplacian).unwrap();
         let factor = pattern.factor(shift).unwrap();
-        let ordering = factor.ordering();
+        let ordering = pattern.ordering();
         let n = ordering.len();
         let right: Vec<[f64; C]> = (0..n)
             .map(|i| std::array::from_fn(|c| ((i * (c + 2)) as f64).cos()))
