@@ -5,13 +5,13 @@ mod common;
 use std::sync::Arc;
 
 use sgmds_core::Error;
-use sgmds_core::confidence::beyond_rims;
 use sgmds_core::matching::{self, Correspondence, Method, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
 use sgmds_core::metric::Metric;
 use sgmds_core::pair::{Mirror, Shares};
 use sgmds_core::progress::Progress;
 use sgmds_core::quality::{Grade, graded};
+use sgmds_core::rims;
 use sgmds_core::shape::Shape;
 
 use common::{Point, disguised, icosphere, length, lumpy, sub};
@@ -388,7 +388,7 @@ fn what_a_half_lacks_lies_beyond_its_rim() {
             ids.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
         })
         .collect();
-    let beyond = beyond_rims(&half, &sphere, &images);
+    let beyond = rims::beyond(&rims::nearness(&half), &rims::nearness(&sphere), &images);
     for (p, beyond) in points.iter().zip(beyond) {
         if p[2] < -0.2 {
             assert!(beyond > 0.99, "{p:?}: {beyond}");
@@ -398,5 +398,9 @@ fn what_a_half_lacks_lies_beyond_its_rim() {
         }
     }
     let itself: Vec<u32> = (0..half.vertices.len() as u32).collect();
-    assert!(beyond_rims(&half, &half, &itself).iter().all(|&b| b == 0.0));
+    assert!(
+        rims::beyond(&rims::nearness(&half), &rims::nearness(&half), &itself)
+            .iter()
+            .all(|&b| b == 0.0)
+    );
 }

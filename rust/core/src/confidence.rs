@@ -4,11 +4,8 @@ use rayon::prelude::*;
 
 use crate::error::Result;
 use crate::geodesics;
-use crate::mesh::Mesh;
 use crate::progress::Progress;
 use crate::shape::Shape;
-use crate::space_tree::SpaceTree;
-use crate::vector::{self, Point};
 
 /// Samples whose distances are compared.
 const WITNESSES: usize = 80;
@@ -26,45 +23,16 @@ const TOLERATED: f64 = 0.08;
 /// Weight of the gap between a vertex of the drawn target and its image.
 const GAP_WEIGHT: f64 = 2.0;
 
-/// Distance to a rim of the source at which being mapped there counts 1/e as much as on it.
-const RIM_REACH: f64 = 0.03;
-
 /// Confidence in [0, 1] of a target vertex: exp(−(δ² + 4γ² + ρ²)/0.08² − β²).
 ///
 /// δ is its local distortion, γ the gap between it and its image when the target is drawn onto the
 /// source, which stands off where the source has nothing, ρ how far from it
 /// the way to the source and back ends, all at unit area, β how much it lies beyond a rim of the
-/// source ([`beyond_rims`]). It cannot see a wholly wrong map.
+/// source ([`crate::rims::beyond`]). It cannot see a wholly wrong map.
 #[must_use]
 pub fn confidence(distortion: f64, gap: f64, returns: f64, beyond: f64) -> f64 {
     let doubt = distortion.hypot(GAP_WEIGHT * gap).hypot(returns);
     (-(doubt / TOLERATED).powi(2) - beyond.powi(2)).exp()
-}
-
-/// How surely each target vertex lies beyond a rim of the source, in [0, 1]: what the source lacks is
-/// mapped onto the rim where it was cut off. Rims that the target has there too do not count.
-#[must_use]
-pub fn beyond_rims(source: &Mesh, target: &Mesh, images: &[u32]) -> Vec<f64> {
-    let nearness = |mesh: &Mesh| -> Vec<f64> {
-        let rim: Vec<Point> = mesh
-            .boundary_vertices()
-            .into_iter()
-            .map(|v| mesh.vertices[v as usize])
-            .collect();
-        let tree = SpaceTree::new(&rim);
-        let near = |&p: &Point| {
-            tree.nearest(p).map_or(0.0, |r| {
-                (-(vector::distance(p, rim[r as usize]) / RIM_REACH).powi(2)).exp()
-            })
-        };
-        mesh.vertices.par_iter().map(near).collect()
-    };
-    let (there, here) = (nearness(source), nearness(target));
-    images
-        .iter()
-        .zip(here)
-        .map(|(&image, here)| (there[image as usize] - here).max(0.0))
-        .collect()
 }
 
 /// Mean change δ of the distances to 80 samples, near ones weighing most, for each target vertex.

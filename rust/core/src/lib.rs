@@ -3,6 +3,7 @@
 
 pub mod baselines;
 pub mod bisection;
+pub mod bulging;
 pub mod closest;
 pub mod confidence;
 pub mod dense;
@@ -30,6 +31,7 @@ pub mod pointwise_map;
 pub mod progress;
 pub mod quality;
 pub mod refinement;
+pub mod rims;
 pub mod selection;
 pub mod shape;
 pub mod similarity;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use faer::{Mat, MatRef};
 
+use crate::bulging::Surface;
 use crate::dense::{self, Rows};
 use crate::descriptors::Descriptors;
 use crate::distance_operator;
@@ -15,6 +16,7 @@ use crate::mesh::{Adjacency, Mesh};
 use crate::metric::{Measured, Metric};
 use crate::nearest::Cells;
 use crate::progress::{Check, Progress};
+use crate::rims;
 use crate::vector::Point;
 
 /// Eigenpairs of a prepared shape; more bring nothing to a map.
@@ -81,6 +83,10 @@ pub struct Shape {
     pub normals: Vec<Point>,
     /// +1 when the faces are wound outward.
     pub volume_sign: f64,
+    /// How much the surface [bulges](crate::bulging) around each vertex.
+    pub bulging: Vec<f64>,
+    /// How [near](rims::nearness) each vertex lies to a rim.
+    pub rim_nearness: Vec<f64>,
     /// Neighbours of each vertex.
     pub neighbours: Adjacency,
     /// Vertices around each farthest-point sample.
@@ -201,15 +207,32 @@ impl Shape {
             check,
         )?;
         check()?;
-        let descriptors = Descriptors::new(
-            &mesh,
-            &laplacian.stiffness,
-            &laplacian.mass,
-            &length_factors,
-            &basis.values,
-            basis.functions.as_ref(),
-            check,
-        )?;
+        let neighbours = mesh.vertex_neighbours();
+        let (normals, volume_sign) = (mesh.vertex_normals(), mesh.volume_sign());
+        let (descriptors, (bulging, rim_nearness)) = rayon::join(
+            || {
+                Descriptors::new(
+                    &mesh,
+                    &laplacian.stiffness,
+                    &laplacian.mass,
+                    &length_factors,
+                    &basis.values,
+                    basis.functions.as_ref(),
+                    check,
+                )
+            },
+            || {
+                let surface = Surface {
+                    mesh: &mesh,
+                    normals: &normals,
+                    volume_sign,
+                    neighbours: &neighbours,
+                    mass: &laplacian.mass,
+                };
+                (surface.bulging(), rims::nearness(&mesh))
+            },
+        );
+        let descriptors = descriptors?;
         check()?;
         let judged = &farthest[..JUDGED.min(farthest.len())];
         let functions = basis.functions.as_ref();
@@ -222,12 +245,13 @@ impl Shape {
         let weighted = Mat::from_fn(mesh.vertices.len(), 3, |i, c| {
             laplacian.mass[i] * mesh.vertices[i][c]
         });
-        let neighbours = mesh.vertex_neighbours();
         Ok(Self {
             coordinates: dense::product(functions.transpose(), weighted.as_ref()),
             between_judged,
-            normals: mesh.vertex_normals(),
-            volume_sign: mesh.volume_sign(),
+            normals,
+            volume_sign,
+            bulging,
+            rim_nearness,
             cells: Cells::new(&neighbours, &farthest),
             neighbours,
             vertex_faces: mesh.vertex_faces(),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use faer::{Mat, MatRef};
 
 use crate::baselines::Convergence;
-use crate::confidence::{beyond_rims, confidence};
+use crate::confidence::confidence;
 use crate::dense::{self, Rows};
 use crate::eigenbasis::Eigenbasis;
 use crate::error::Result;
@@ -15,6 +15,7 @@ use crate::hints::Hints;
 use crate::pair::Shares;
 use crate::pointwise_map::{self, EmbeddedTriangles, SurfacePoint};
 use crate::progress::{Check, Progress};
+use crate::rims;
 use crate::selection::{Figures, Hypothesis};
 use crate::shape::Shape;
 use crate::space_tree::SpaceTree;
@@ -118,11 +119,11 @@ pub(super) fn dense_map(
         let end = back[images[v] as usize] as usize;
         vector::norm(vector::sub(vertices[v], vertices[end]))
     };
-    let rims = beyond_rims(&source.mesh, &target.mesh, images);
+    let beyond = rims::beyond(&source.rim_nearness, &target.rim_nearness, images);
     let trust: Vec<f64> = misfit
         .iter()
         .enumerate()
-        .map(|(v, &(distortion, gap))| confidence(distortion, gap, returns(v), rims[v]))
+        .map(|(v, &(distortion, gap))| confidence(distortion, gap, returns(v), beyond[v]))
         .collect();
     let (points, functional_map) = rayon::join(
         || {
@@ -203,8 +204,8 @@ fn functional_map(
     let other = rows(target.functions(kt), &source.mass, Some(on_target), ns);
     let other_values = rows(source.functions(ks), &source.mass, None, ns);
     check()?;
-    let mut gram = dense::product(own.transpose(), own.as_ref());
-    check()?;
+    // ΦₜᵀAₜΦₜ = I.
+    let mut gram = Mat::identity(kt, kt);
     dense::add_product(gram.as_mut(), other.transpose(), other.as_ref());
     check()?;
     let mut right = dense::product(own.transpose(), own_values.as_ref());

@@ -165,14 +165,7 @@ pub const OF_PART: Schedule = Schedule {
 /// The moving surface as the last steps deform it: what does not depend on the map.
 struct Deformable {
     rigid: RigidSurface,
-    sliding: Option<Sliding>,
-}
-
-/// The moving surface as it slides along the other.
-struct Sliding {
-    surface: PiecewiseAffine,
-    /// How much either shape bulges around each vertex.
-    bulging: [Vec<f64>; 2],
+    sliding: Option<PiecewiseAffine>,
 }
 
 /// Where a refinement stands.
@@ -263,30 +256,21 @@ pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a
 
 impl Deformable {
     /// Of a shape that is moved along another, so many units of whose length one of its own is.
-    fn new([moving, still]: [&Shape; 2], lengths: f64, slides: bool) -> Result<Self> {
+    fn new(moving: &Shape, lengths: f64, slides: bool) -> Result<Self> {
         let mesh = &moving.mesh;
         let rest = mesh.vertices.iter().map(|&p| vector::scaled(p, lengths));
         let (rigid, sliding) = rayon::join(
             || RigidSurface::new(rest.collect(), &mesh.faces),
-            || slides.then(|| Sliding::new(moving, still)).transpose(),
+            || {
+                let nodes = moving.farthest_points(NODES);
+                slides
+                    .then(|| PiecewiseAffine::new(&mesh.vertices, &moving.neighbours, nodes))
+                    .transpose()
+            },
         );
         Ok(Self {
             rigid: rigid?,
             sliding: sliding?,
-        })
-    }
-}
-
-impl Sliding {
-    fn new(moving: &Shape, still: &Shape) -> Result<Self> {
-        let nodes = moving.farthest_points(NODES);
-        let (surface, (on_moving, on_still)) = rayon::join(
-            || PiecewiseAffine::new(&moving.mesh.vertices, &moving.neighbours, nodes),
-            || rayon::join(|| parts::bulging(moving), || parts::bulging(still)),
-        );
-        Ok(Self {
-            surface: surface?,
-            bulging: [on_moving, on_still],
         })
     }
 }
@@ -421,7 +405,7 @@ impl<'a> Refined<'a> {
             && pair.uses(Part::Rigid);
         // What is missing from a part would be filled, and its inside is not known.
         let slides = pair.shares.part().is_none();
-        let shapes = [self.moving.shape, self.still.shape];
+        let moving = self.moving.shape;
         let lengths = self.lengths;
         let (climbed, surface) = rayon::join(
             || {
@@ -434,7 +418,7 @@ impl<'a> Refined<'a> {
                     report((before + step) as f64 / steps)
                 })
             },
-            || settles.then(|| Deformable::new(shapes, lengths, slides)),
+            || settles.then(|| Deformable::new(moving, lengths, slides)),
         );
         climbed?;
         if let Some(Deformable { rigid, sliding }) = surface.transpose()? {
@@ -677,7 +661,12 @@ impl<'a> Refined<'a> {
     /// The moving surface [slides](Self::slide) along the other. Between bodies of different build in one pose this is the
     /// last word. In other poses spectrum and looks have it, and nothing changes where edges would be stretched much more
     /// than before.
-    fn settle_parts(&mut self, sliding: Sliding, rounds: usize, check: Check<'_>) -> Result<()> {
+    fn settle_parts(
+        &mut self,
+        surface: PiecewiseAffine,
+        rounds: usize,
+        check: Check<'_>,
+    ) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
         let matched: Vec<(Point, Point, f64)> = (self.moving.images.vertex.iter().enumerate())
             .map(|(v, &image)| {
@@ -688,7 +677,7 @@ impl<'a> Refined<'a> {
         let same_pose = parts::off_affine(&matched).is_some_and(|off| off <= SAME_POSE);
         let whole_still = as_matrix(&still.mesh.vertices);
         if same_pose {
-            return self.slide(sliding, rounds, whole_still.as_ref(), check);
+            return self.slide(surface, rounds, whole_still.as_ref(), check);
         }
         let lengths = self.lengths;
         let stretch = |images: &Images| {
@@ -697,7 +686,7 @@ impl<'a> Refined<'a> {
         };
         let kept = self.kept();
         let before = stretch(&self.moving.images);
-        self.slide(sliding, rounds, whole_still.as_ref(), check)?;
+        self.slide(surface, rounds, whole_still.as_ref(), check)?;
         if stretch(&self.moving.images) > MOST_STRETCHED * before {
             self.put_back(kept, whole_still.as_ref());
             return Ok(());
@@ -714,29 +703,25 @@ impl<'a> Refined<'a> {
     /// planes at its images, along which it slides.
     fn slide(
         &mut self,
-        sliding: Sliding,
+        mut surface: PiecewiseAffine,
         rounds: usize,
         whole_still: MatRef<'_, f64>,
         check: Check<'_>,
     ) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
-        let Sliding {
-            mut surface,
-            bulging: [on_moving, on_still],
-        } = sliding;
         let (mut anchors, mut drawn): (Option<Vec<Point>>, Option<Vec<Point>>) = (None, None);
         for round in 0..rounds {
             let feet: Vec<Foot> = self
                 .image_points(round + SLIDES_WITHIN_TRIANGLES >= rounds, check)?
                 .iter()
-                .map(|image| Foot::new(still, &on_still, image))
+                .map(|image| Foot::new(still, image))
                 .collect();
             let anchors = anchors.get_or_insert_with(|| feet.iter().map(|f| f.place).collect());
             // What the rigid surface left within the other body is not swallowed.
             let placed = |v: usize| (round > 0).then(|| self.deformed_at(v));
             let pulls: Vec<Pull> = (feet.iter().zip(anchors).enumerate())
                 .map(|(v, (foot, anchor))| {
-                    foot.pull(moving.mass[v] * on_moving[v], placed(v), *anchor)
+                    foot.pull(moving.mass[v] * moving.bulging[v], placed(v), *anchor)
                 })
                 .collect();
             let places = surface.drawn_to(&pulls, check)?;
@@ -747,7 +732,12 @@ impl<'a> Refined<'a> {
             });
             drawn = Some(places);
             let before = self.images();
-            self.embed(whole_still, SLIDING, check)?;
+            if round == 0 {
+                self.write_rows(whole_still, SLIDING);
+            } else {
+                self.write_moving_rows(SLIDING);
+            }
+            self.find_images(SWEEPS, check)?;
             if self.changed_since(&before) < SLID {
                 break;
             }
@@ -809,14 +799,22 @@ impl<'a> Refined<'a> {
         self.find_images(SWEEPS, check)
     }
 
+    /// Embeddings by the present map and surfaces.
     fn write_rows(&mut self, still_surface: MatRef<'_, f64>, weights: Weights) {
         let (moving, still) = (&mut self.moving, &mut self.still);
         let (deformed, matrix) = (self.deformed.as_ref(), self.matrix.as_ref());
-        let shared = &self.shared[..self.shared.len().min(weights.functions)];
+        let shared = weights.of(&self.shared);
         rayon::join(
             || moving.embed(None, shared, deformed, weights),
             || still.embed(Some(matrix), shared, still_surface, weights),
         );
+    }
+
+    /// The same where only the moving surface was deformed since.
+    fn write_moving_rows(&mut self, weights: Weights) {
+        let shared = weights.of(&self.shared);
+        self.moving
+            .embed(None, shared, self.deformed.as_ref(), weights);
     }
 
     /// Where on the still shape both maps see each vertex of the moving one, with the weight of that.

@@ -28,6 +28,13 @@ pub(super) struct Weights {
     pub functions: usize,
 }
 
+impl Weights {
+    /// What the map shares of the eigenfunctions that take part.
+    pub fn of(self, shared: &[f64]) -> &[f64] {
+        &shared[..shared.len().min(self.functions)]
+    }
+}
+
 /// Vertices of a whole shape that fits are made of: with those of the other some 21 equations for each of 150
 /// eigenfunctions. With all, or with 2,500, no error is smaller.
 const FITTING: usize = 1_600;
