@@ -24,11 +24,10 @@ use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, SymmetricOrdering, factorize_symbolic_cholesky,
 };
 
-use crate::dense::vectorised;
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::progress::Check;
-use crate::refinement::block_equations::{Block, BlockEquations, Part, UNKNOWNS};
+use crate::refinement::block_equations::{Block, BlockEquations, PARTS, Section, parts};
 use crate::vector::{self, Point};
 
 /// Nodes that carry a vertex: with four the matrix has a third more entries, and errors are the same.
@@ -55,9 +54,17 @@ struct Carried {
     blocks: [u32; PAIRS],
 }
 
+impl Carried {
+    /// The node that is eliminated first.
+    fn first_node(&self) -> u32 {
+        self.by[NEAREST - 1].0
+    }
+}
+
 /// A surface on its way to given places.
 pub struct PiecewiseAffine {
-    /// The vertices, those that the same nodes carry one after the other, so that their equations stay in the cache.
+    /// The vertices, those whose first node is in one part of the equations and of these those that the same nodes carry
+    /// one after the other, so that their equations stay in the cache.
     carried: Vec<Carried>,
     nodes: Vec<Point>,
     /// Neighbouring nodes, the last first, and the numbers of their three blocks.
@@ -76,20 +83,14 @@ impl PiecewiseAffine {
     /// [`Error::NotFactorised`].
     pub fn new(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Result<Self> {
         let mut near = nearest_nodes(rest, neighbours, nodes);
-        let mut links = links(&near, neighbours);
-        let mut pairs = pairs_of(nodes.len(), &near, &links);
-        let order = elimination_order(nodes.len(), &pairs)?;
-        let mut number = vec![0; order.len()];
-        for (new, &old) in (0..).zip(&order) {
-            number[old as usize] = new;
-        }
+        let links = links(&near, neighbours);
+        let pairs = pairs_of(nodes.len(), &near, &links);
+        let (order, ends) = elimination_order(nodes.len(), &pairs)?;
+        let number = numbers(&order);
         for (node, _) in near.iter_mut().flatten() {
             *node = number[*node as usize];
         }
-        for pair in links.iter_mut().chain(&mut pairs) {
-            let (a, b) = (number[pair.0 as usize], number[pair.1 as usize]);
-            *pair = (a.max(b), a.min(b));
-        }
+        let [mut links, pairs] = [links, pairs].map(|pairs| renumbered(&pairs, &number));
         links.sort_unstable();
         let nodes: Vec<Point> = order
             .iter()
@@ -99,7 +100,7 @@ impl PiecewiseAffine {
             .iter()
             .map(|found| found[0].1)
             .fold(f64::MIN_POSITIVE, f64::max);
-        let equations = BlockEquations::new(nodes.len(), &pairs);
+        let equations = BlockEquations::new(ends, &pairs);
         let mut carried: Vec<Carried> = (0..)
             .zip(rest.iter().zip(&near))
             .map(|(vertex, (&p, found))| {
@@ -115,7 +116,7 @@ impl PiecewiseAffine {
                 }
             })
             .collect();
-        carried.sort_by_key(|carried| carried.blocks);
+        carried.sort_by_key(|carried| (equations.part(carried.first_node()), carried.blocks));
         let links: Vec<([u32; 2], [u32; 3])> = links
             .into_iter()
             .map(|(a, b)| {
@@ -142,12 +143,10 @@ impl PiecewiseAffine {
     /// [`Error::NotFactorised`], [`Error::Cancelled`].
     pub fn drawn_to(&mut self, pulls: &[Pull], check: Check<'_>) -> Result<Vec<Point>> {
         check()?;
-        let (mut blocks, mut found) = vectorised(
+        let found = self.equations.solve(
             #[inline(always)]
-            || self.system(pulls),
-        );
-        check()?;
-        self.equations.solve(&mut blocks, &mut found)?;
+            |part, section| self.add_equations(pulls, part, section),
+        )?;
         let maps: Vec<[[f64; 4]; 3]> = found
             .iter()
             .map(|found| [0, 1, 2].map(|c| [0, 1, 2, 3].map(|a| found[4 * c + a])))
@@ -177,41 +176,46 @@ impl PiecewiseAffine {
         Ok(places)
     }
 
-    /// Normal equations of a round, and the right side: the unknowns of a node are the rows of A, each with its entry of t.
+    /// Normal equations of a round of a part, and its right side: the unknowns of a node are the rows of A, each with its
+    /// entry of t.
     #[inline(always)]
-    fn system(&self, pulls: &[Pull]) -> (Vec<Block>, Vec<Part>) {
-        let mut blocks = vec![[[0.0; UNKNOWNS]; UNKNOWNS]; self.equations.blocks()];
-        let mut right = vec![[0.0; UNKNOWNS]; self.nodes.len()];
-        for carried in &self.carried {
+    fn add_equations(&self, pulls: &[Pull], part: usize, section: &mut Section) {
+        let of_part = |node: u32| self.equations.part(node);
+        let from = (self.carried).partition_point(|carried| of_part(carried.first_node()) < part);
+        let to = (self.carried).partition_point(|carried| of_part(carried.first_node()) <= part);
+        for carried in &self.carried[from..to] {
             let (m, moment) = &pulls[carried.vertex as usize];
             let mut numbers = carried.blocks.iter();
             for (i, (node, own)) in carried.by.iter().enumerate() {
                 for ((_, other), &number) in carried.by[i..].iter().zip(&mut numbers) {
-                    add(&mut blocks[number as usize], other, m, own);
+                    add(section.block(number), other, m, own);
                 }
+                let right = section.right(*node);
                 for (c, y) in moment.iter().enumerate() {
                     for (a, x) in own.iter().enumerate() {
-                        right[*node as usize][4 * c + a] += x * y;
+                        right[4 * c + a] += x * y;
                     }
                 }
             }
         }
         for (&(link, [first, between, second]), held) in self.links.iter().zip(&self.held) {
+            if of_part(link[1]) != part {
+                continue;
+            }
             let weight = SMOOTHNESS * held;
             let m = [[weight, 0.0, 0.0], [0.0, weight, 0.0], [0.0, 0.0, weight]];
             for [a, b] in link_rows(&self.nodes, link, self.spacing) {
-                add(&mut blocks[first as usize], &a, &m, &a);
-                add(&mut blocks[between as usize], &b, &m, &a);
-                add(&mut blocks[second as usize], &b, &m, &b);
+                add(section.block(first), &a, &m, &a);
+                add(section.block(between), &b, &m, &a);
+                add(section.block(second), &b, &m, &b);
             }
         }
-        for node in 0..self.nodes.len() as u32 {
-            let own = &mut blocks[self.equations.block(node, node) as usize];
+        for node in (0..self.nodes.len() as u32).filter(|&node| of_part(node) == part) {
+            let own = section.block(self.equations.block(node, node));
             for (m, row) in own.iter_mut().enumerate() {
                 row[m] += LEAST_PULL;
             }
         }
-        (blocks, right)
     }
 }
 
@@ -232,8 +236,36 @@ fn add(block: &mut Block, x: &[f64; 4], m: &[Point; 3], y: &[f64; 4]) {
 }
 
 /// The nodes in an order in which eliminating one after the other fills in little, from pairs of them that depend on
-/// one another, the last first, sorted.
-fn elimination_order(nodes: usize, pairs: &[(u32, u32)]) -> Result<Vec<u32>> {
+/// one another, and where its [parts] end.
+fn elimination_order(nodes: usize, pairs: &[(u32, u32)]) -> Result<(Vec<u32>, [usize; PARTS])> {
+    let mut order = minimum_degree_order(nodes, pairs)?;
+    let part = parts(nodes, &renumbered(pairs, &numbers(&order)));
+    let mut numbers: Vec<usize> = (0..nodes).collect();
+    numbers.sort_by_key(|&number| part[number]);
+    order = numbers.iter().map(|&number| order[number]).collect();
+    let ends = std::array::from_fn(|this| part.iter().filter(|&&part| part <= this).count());
+    Ok((order, ends))
+}
+
+/// The number of each node in an order.
+fn numbers(order: &[u32]) -> Vec<u32> {
+    let mut number = vec![0; order.len()];
+    for (new, &old) in (0..).zip(order) {
+        number[old as usize] = new;
+    }
+    number
+}
+
+/// Pairs by the numbers of their nodes, the last of both first.
+fn renumbered(pairs: &[(u32, u32)], number: &[u32]) -> Vec<(u32, u32)> {
+    let pairs = pairs
+        .iter()
+        .map(|&(a, b)| [a, b].map(|node| number[node as usize]));
+    pairs.map(|[a, b]| (a.max(b), a.min(b))).collect()
+}
+
+/// An order that fills in little, from sorted pairs.
+fn minimum_degree_order(nodes: usize, pairs: &[(u32, u32)]) -> Result<Vec<u32>> {
     let mut pointers = vec![0; nodes + 1];
     for &(last, _) in pairs {
         pointers[last as usize + 1] += 1;
