@@ -195,32 +195,36 @@ impl Eigenbasis {
     ) -> Result<()> {
         let k = self.values.len();
         let bound = RESIDUAL_BOUND * self.values.last().copied().unwrap_or(0.0);
-        let mut defects = vec![[0.0; MEASURED_AT_ONCE]; laplacian.len()];
+        let passes: Vec<usize> = (0..k).step_by(MEASURED_AT_ONCE).collect();
+        let measured: Vec<[f64; MEASURED_AT_ONCE]> = passes
+            .into_par_iter()
+            .map(|first| {
+                if cancelled() {
+                    return Err(Error::Cancelled);
+                }
+                // The last pass measures the last pair more than once.
+                let pairs: [usize; MEASURED_AT_ONCE] =
+                    std::array::from_fn(|lane| (first + lane).min(k - 1));
+                let values = pairs.map(|j| self.values[j]);
+                let functions = interleaved(&self.functions, pairs);
+                let mut defects = vec![[0.0; MEASURED_AT_ONCE]; laplacian.len()];
+                Ok(vectorised(
+                    #[inline(always)]
+                    || residuals(laplacian, values, &functions, &mut defects),
+                ))
+            })
+            .collect::<Result<_>>()?;
         let mut good = 0;
-        for first in (0..k).step_by(MEASURED_AT_ONCE) {
-            if cancelled() {
-                return Err(Error::Cancelled);
+        for (j, mut residual) in (0..k).zip(measured.into_iter().flatten()) {
+            // The constant has rounding only.
+            if j > 0 && residual > bound {
+                residual = self.relax(laplacian, j, bound);
             }
-            // The last pass measures the last pair more than once.
-            let pairs: [usize; MEASURED_AT_ONCE] =
-                std::array::from_fn(|lane| (first + lane).min(k - 1));
-            let values = pairs.map(|j| self.values[j]);
-            let functions = interleaved(&self.functions, pairs);
-            let measured = vectorised(
-                #[inline(always)]
-                || residuals(laplacian, values, &functions, &mut defects),
-            );
-            for (j, mut residual) in (first..k).zip(measured) {
-                // The constant has rounding only.
-                if j > 0 && residual > bound {
-                    residual = self.relax(laplacian, j, bound);
-                }
-                // NaN counts as a failure.
-                if residual <= bound || j == 0 {
-                    good += 1;
-                }
-                self.residual = self.residual.max(residual);
+            // NaN counts as a failure.
+            if residual <= bound || j == 0 {
+                good += 1;
             }
+            self.residual = self.residual.max(residual);
         }
         if good < k {
             return Err(Error::NotConverged {

@@ -154,7 +154,11 @@ impl Spectrum<'_> {
             || self.pairs(&upper, spacing),
         );
         let (lower, mut upper) = (lower?, upper?);
-        let overlap = remove(upper.vectors.as_mut(), lower.vectors.as_ref()).norm_max();
+        let known = lower.vectors.as_ref();
+        let half = upper.vectors.ncols() / 2;
+        let (some, others) = upper.vectors.as_mut().split_at_col_mut(half);
+        let (some, others) = rayon::join(|| remove(some, known), || remove(others, known));
+        let overlap = some.norm_max().max(others.norm_max());
         if overlap > MOST_OVERLAP {
             return Ok(None);
         }
