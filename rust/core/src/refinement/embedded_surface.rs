@@ -76,7 +76,9 @@ const AFTER_SLIDING: Weights = Weights {
 /// By how much more than before a surface that slid may stretch edges: where parts bend too sharply for it and maps
 /// become worse it is 1.26 to 1.32 times as much, elsewhere 0.75 to 1.15 times.
 const MOST_STRETCHED: f64 = 1.2;
-/// Last rounds of sliding, in which images are points of triangles, in those before the vertices nearest to them: in all
+/// Rounds of sliding at most. With four, fingers of `MakeHuman` bodies more often land beside their own.
+const SLIDES: usize = 5;
+/// Last of them, in which images are points of triangles, in those before the vertices nearest to them: in all
 /// rounds by vertices, errors are two per cent larger.
 const SLIDES_WITHIN_TRIANGLES: usize = 2;
 /// How far beyond where it is drawn a surface goes on in all rounds between the first and the last, relative to the way
@@ -122,8 +124,6 @@ pub struct Schedule {
     pub sizes: &'static [usize],
     /// Numbers of eigenfunctions of the steps on the whole surface afterwards.
     pub rigid_sizes: &'static [usize],
-    /// Rounds at most in which surfaces slide after that.
-    pub slides: usize,
     /// Only this many vertices of each shape ask, all when `None`.
     pub drawn: Option<usize>,
 }
@@ -134,15 +134,14 @@ pub const FULL: Schedule = Schedule {
     detail: DETAIL,
     sizes: &[60, 75, 95, 120, 150],
     rigid_sizes: &[80, 120, 150, 150],
-    slides: 5,
     drawn: None,
 };
 
-/// Of a map that keeps distances: a second way would find nothing better, and the last steps have less to do.
+/// Of a map that keeps distances: a second way would find nothing better, and the steps on the whole surface have less
+/// to do.
 pub const ISOMETRIC: Schedule = Schedule {
     two_ways: false,
     rigid_sizes: &[150, 150],
-    slides: 4,
     ..FULL
 };
 
@@ -152,7 +151,6 @@ pub const SHORT: Schedule = Schedule {
     detail: 0,
     sizes: &[60, 76, 95, 120, 120],
     rigid_sizes: &[],
-    slides: 0,
     drawn: Some(800),
 };
 
@@ -427,7 +425,7 @@ impl<'a> Refined<'a> {
             })?;
             let coincide = self.settle_coinciding(&|| report(1.0))?;
             if let Some(sliding) = sliding.filter(|_| !coincide) {
-                self.settle_parts(sliding, schedule.slides, &|| report(1.0))?;
+                self.settle_parts(sliding, &|| report(1.0))?;
             }
         }
         Ok(self)
@@ -661,12 +659,7 @@ impl<'a> Refined<'a> {
     /// The moving surface [slides](Self::slide) along the other. Between bodies of different build in one pose this is the
     /// last word. In other poses spectrum and looks have it, and nothing changes where edges would be stretched much more
     /// than before.
-    fn settle_parts(
-        &mut self,
-        surface: PiecewiseAffine,
-        rounds: usize,
-        check: Check<'_>,
-    ) -> Result<()> {
+    fn settle_parts(&mut self, surface: PiecewiseAffine, check: Check<'_>) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
         let matched: Vec<(Point, Point, f64)> = (self.moving.images.vertex.iter().enumerate())
             .map(|(v, &image)| {
@@ -677,7 +670,7 @@ impl<'a> Refined<'a> {
         let same_pose = parts::off_affine(&matched).is_some_and(|off| off <= SAME_POSE);
         let whole_still = as_matrix(&still.mesh.vertices);
         if same_pose {
-            return self.slide(surface, rounds, whole_still.as_ref(), check);
+            return self.slide(surface, whole_still.as_ref(), check);
         }
         let lengths = self.lengths;
         let stretch = |images: &Images| {
@@ -686,7 +679,7 @@ impl<'a> Refined<'a> {
         };
         let kept = self.kept();
         let before = stretch(&self.moving.images);
-        self.slide(surface, rounds, whole_still.as_ref(), check)?;
+        self.slide(surface, whole_still.as_ref(), check)?;
         if stretch(&self.moving.images) > MOST_STRETCHED * before {
             self.put_back(kept, whole_still.as_ref());
             return Ok(());
@@ -704,15 +697,14 @@ impl<'a> Refined<'a> {
     fn slide(
         &mut self,
         mut surface: PiecewiseAffine,
-        rounds: usize,
         whole_still: MatRef<'_, f64>,
         check: Check<'_>,
     ) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
         let (mut anchors, mut drawn): (Option<Vec<Point>>, Option<Vec<Point>>) = (None, None);
-        for round in 0..rounds {
+        for round in 0..SLIDES {
             let feet: Vec<Foot> = self
-                .image_points(round + SLIDES_WITHIN_TRIANGLES >= rounds, check)?
+                .image_points(round + SLIDES_WITHIN_TRIANGLES >= SLIDES, check)?
                 .iter()
                 .map(|image| Foot::new(still, image))
                 .collect();
@@ -725,7 +717,7 @@ impl<'a> Refined<'a> {
                 })
                 .collect();
             let places = surface.drawn_to(&pulls, check)?;
-            let last = round + 1 == rounds;
+            let last = round + 1 == SLIDES;
             let from = drawn.as_ref().filter(|_| !last).unwrap_or(&places);
             self.deformed = Mat::from_fn(places.len(), 3, |v, c| {
                 places[v][c] + BEYOND * (places[v][c] - from[v][c])
