@@ -15,7 +15,7 @@ use super::orthogonal::{orthonormalise, remove};
 use super::shifted_factor::{Pattern, ShiftedFactor};
 use crate::error::{Error, Result};
 
-/// Fewer eigenpairs are found at once: two spaces take more solves than they save elsewhere.
+/// Fewer eigenpairs are found in one slice: two would take more solves than they save elsewhere.
 const LEAST_SLICED: usize = 140;
 
 /// Size of the space needed for a hundred pairs more, and for none: measured at 4 to 300 pairs. A block too many costs
@@ -168,6 +168,7 @@ impl Spectrum<'_> {
         Ok(Some(vec![lower, upper]))
     }
 
+    /// Those of a slice.
     fn pairs(&self, slice: &Slice, spacing: f64) -> Result<RitzPairs> {
         let factor = slice.factor(self.pattern, spacing, self.cancelled)?;
         let size = slice.expected_size();
@@ -179,7 +180,7 @@ impl Spectrum<'_> {
     }
 }
 
-/// Factor of `W − sA` where about `target` eigenvalues above zero are below `s`, to a fraction of the `wanted`.
+/// Factor of `W − sA` where about `target` eigenvalues above zero are below `s`, [to a fraction](TOLERANCE) of the `wanted`.
 ///
 /// Starts from where they would be at equal distances, and corrects by the count.
 fn factor_near<'a>(

@@ -199,9 +199,11 @@ impl BlockEquations {
                 own.right[node - part.start] = right.map(|[x]| x);
                 for (block, &column) in row.iter_mut().zip(&self.columns[base + from + 1..]) {
                     substitute_forward(diagonal, block);
-                    let later = match (column as usize).checked_sub(part.end) {
-                        Some(_) => &mut last.right[column as usize - last.first.0],
-                        None => &mut own.right[column as usize - part.start],
+                    let column = column as usize;
+                    let later = if column < part.end {
+                        &mut own.right[column - part.start]
+                    } else {
+                        &mut last.right[column - last.first.0]
                     };
                     for ([x], line) in right.iter().zip(block.iter()) {
                         for (rest, u) in later.iter_mut().zip(line) {
@@ -228,9 +230,10 @@ impl BlockEquations {
                     while self.columns[at] < column {
                         at += 1;
                     }
-                    let block = match (node as usize).checked_sub(part.end) {
-                        Some(_) => &mut last.blocks[at - last.first.1],
-                        None => &mut later[at - end],
+                    let block = if (node as usize) < part.end {
+                        &mut later[at - end]
+                    } else {
+                        &mut last.blocks[at - last.first.1]
                     };
                     let rows = nodes.clone().map(|node| (&below(node)[i], &below(node)[j]));
                     subtract_products(block, &rows);
@@ -250,9 +253,10 @@ impl BlockEquations {
             let mut own = window.right[i];
             for at in row.clone().skip(1) {
                 let column = self.columns[at] as usize;
-                let later = match column.checked_sub(first + found.len()) {
-                    Some(_) => &after[column - last],
-                    None => &found[column - first],
+                let later = if column < first + found.len() {
+                    &found[column - first]
+                } else {
+                    &after[column - last]
                 };
                 for (rest, line) in own.iter_mut().zip(&window.blocks[at - base]) {
                     *rest -= dot(line, later);
