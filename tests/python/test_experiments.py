@@ -62,7 +62,8 @@ def test_run_times_grow_with_the_mesh(folder):
     records = experiments.runtime(folder, None, report=lambda line: None)
     assert [r["vertices"] for r in records] == sorted(r["vertices"] for r in records)
     assert len(records) == 3
+    preparing = {"operator", "eigenpairs", "sampling", "geodesics", "distance operator"}
     for record in records:
-        # Stages are seen by polling, so that the shortest may be missed; this one is the longest.
-        assert "eigenpairs" in record["user"]
+        # Stages are seen by polling, so that any of a small mesh may be missed, but not all of two.
+        assert preparing & record["user"].keys()
         assert record["user_total"] > 0
