@@ -388,7 +388,8 @@ fn what_a_half_lacks_lies_beyond_its_rim() {
             ids.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
         })
         .collect();
-    let beyond = rims::beyond(&rims::nearness(&half), &rims::nearness(&sphere), &images);
+    let near = rims::nearness(&half);
+    let beyond = rims::beyond(&near, &rims::nearness(&sphere), &images);
     for (p, beyond) in points.iter().zip(beyond) {
         if p[2] < -0.2 {
             assert!(beyond > 0.99, "{p:?}: {beyond}");
@@ -399,7 +400,7 @@ fn what_a_half_lacks_lies_beyond_its_rim() {
     }
     let itself: Vec<u32> = (0..half.vertices.len() as u32).collect();
     assert!(
-        rims::beyond(&rims::nearness(&half), &rims::nearness(&half), &itself)
+        rims::beyond(&near, &near, &itself)
             .iter()
             .all(|&b| b == 0.0)
     );

@@ -33,8 +33,9 @@ pub struct Surface<'a> {
 }
 
 impl Surface<'_> {
-    /// How much the surface bulges around each vertex, 0 to 1: near 1 on a limb, near 0 in the crease between limb and trunk. It is
-    /// looked at around vertices of which no two are neighbours; the others have the mean of those beside them.
+    /// How much the surface bulges around each vertex, 0 to 1: near 1 on a limb, near 0 in the crease between limb and
+    /// trunk. It is looked at around vertices of which no two are neighbours; the others have the mean of those beside
+    /// them.
     #[must_use]
     pub fn bulging(&self) -> Vec<f64> {
         const NONE: usize = usize::MAX;

@@ -7,14 +7,13 @@ mod slices;
 mod substitution;
 
 use std::collections::VecDeque;
-use std::f64::consts::PI;
 
-use faer::{Col, Mat};
+use faer::Mat;
 use rayon::prelude::*;
 
 use self::orthogonal::eigen;
 use self::shifted_factor::Pattern;
-use self::slices::{Slice, Spectrum};
+use self::slices::{Slice, Spectrum, weyl_spacing};
 use crate::dense::vectorised;
 use crate::error::{Error, Result};
 use crate::laplacian::Laplacian;
@@ -87,7 +86,6 @@ impl Eigenbasis {
             });
         }
         let area: f64 = laplacian.mass.iter().sum();
-        let root_mass: Vec<f64> = laplacian.mass.iter().map(|a| a.sqrt()).collect();
         let mut basis = Self {
             values: vec![0.0; k],
             functions: Mat::full(n, 1, 1.0 / area.sqrt()),
@@ -96,9 +94,9 @@ impl Eigenbasis {
         };
         if k > 1 {
             if n <= DENSE_RATIO * Slice::lowest(k - 1).expected_size() {
-                basis.fill_dense(laplacian, &root_mass, area, cancelled)?;
+                basis.fill_dense(laplacian, area, cancelled)?;
             } else {
-                basis.fill_sparse(laplacian, &root_mass, area, cancelled)?;
+                basis.fill_sparse(laplacian, cancelled)?;
             }
         }
         basis.check(laplacian, cancelled)?;
@@ -109,13 +107,13 @@ impl Eigenbasis {
     fn fill_dense(
         &mut self,
         laplacian: &Laplacian,
-        root_mass: &[f64],
         area: f64,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<()> {
         if cancelled() {
             return Err(Error::Cancelled);
         }
+        let root_mass: Vec<f64> = laplacian.mass.iter().map(|a| a.sqrt()).collect();
         let n = root_mass.len();
         let mut h = Mat::<f64>::zeros(n, n);
         for (&w, (i, j)) in &laplacian.stiffness {
@@ -139,23 +137,12 @@ impl Eigenbasis {
     fn fill_sparse(
         &mut self,
         laplacian: &Laplacian,
-        root_mass: &[f64],
-        area: f64,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<()> {
         let k = self.values.len();
         let pattern = Pattern::new(laplacian)?;
-        let ordering = pattern.ordering();
-        let ordered: Vec<f64> = ordering.iter().map(|&v| root_mass[v as usize]).collect();
-        let constant = Col::from_fn(ordered.len(), |i| ordered[i] / area.sqrt());
-        let spectrum = Spectrum {
-            pattern: &pattern,
-            root_mass: &ordered,
-            constant: constant.as_ref(),
-            spacing: weyl_spacing(area),
-            bound: SAFETY * RESIDUAL_BOUND,
-            cancelled,
-        };
+        let bound = SAFETY * RESIDUAL_BOUND;
+        let spectrum = Spectrum::new(&pattern, &laplacian.mass, bound, cancelled);
         let parts = spectrum.lowest(k - 1)?;
         if cancelled() {
             return Err(Error::Cancelled);
@@ -165,9 +152,14 @@ impl Eigenbasis {
         for (own, value) in self.values[1..].iter_mut().zip(values) {
             *own = *value;
         }
-        let mut places = vec![(0, 0.0); ordering.len()];
-        for (i, &v) in ordering.iter().enumerate() {
-            places[v as usize] = (i, 1.0 / ordered[i]);
+        let mut places = vec![(0, 0.0); laplacian.len()];
+        for (i, (v, root)) in pattern
+            .ordering()
+            .into_iter()
+            .zip(&spectrum.root_mass)
+            .enumerate()
+        {
+            places[v as usize] = (i, 1.0 / root);
         }
         self.functions.resize_with(places.len(), k, |_, _| 0.0);
         let functions = self.functions.col_iter_mut().skip(1);
@@ -195,10 +187,11 @@ impl Eigenbasis {
     ) -> Result<()> {
         let k = self.values.len();
         let bound = RESIDUAL_BOUND * self.values.last().copied().unwrap_or(0.0);
+        let no_defects = || vec![[0.0; MEASURED_AT_ONCE]; laplacian.len()];
         let passes: Vec<usize> = (0..k).step_by(MEASURED_AT_ONCE).collect();
         let measured: Vec<[f64; MEASURED_AT_ONCE]> = passes
             .into_par_iter()
-            .map(|first| {
+            .map_init(no_defects, |defects, first| {
                 if cancelled() {
                     return Err(Error::Cancelled);
                 }
@@ -207,10 +200,9 @@ impl Eigenbasis {
                     std::array::from_fn(|lane| (first + lane).min(k - 1));
                 let values = pairs.map(|j| self.values[j]);
                 let functions = interleaved(&self.functions, pairs);
-                let mut defects = vec![[0.0; MEASURED_AT_ONCE]; laplacian.len()];
                 Ok(vectorised(
                     #[inline(always)]
-                    || residuals(laplacian, values, &functions, &mut defects),
+                    || residuals(laplacian, values, &functions, defects),
                 ))
             })
             .collect::<Result<_>>()?;
@@ -295,11 +287,6 @@ pub fn bare_solves(laplacian: &Laplacian, count: usize) -> Result<()> {
     let factor = Slice::lowest(count).factor(&pattern, spacing, &|| false)?;
     lanczos::bare_solves(&factor, laplacian.len(), count);
     Ok(())
-}
-
-/// Distance of eigenvalues far from zero: Weyl's `λ_j ≈ 4πj/area`.
-fn weyl_spacing(area: f64) -> f64 {
-    4.0 * PI / area
 }
 
 /// `Wφ − λAφ` of some pairs into the columns of `defects`, `(n, C)`, and their norms: `√(rᵀA⁻¹r)`.

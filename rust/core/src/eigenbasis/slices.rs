@@ -8,7 +8,9 @@
 //! 1994. Where we part: the border between two slices is a shift whose factor counts what lies below, and what
 //! residuals leave between eigenvectors of two slices is removed.
 
-use faer::prelude::*;
+use std::f64::consts::PI;
+
+use faer::Col;
 
 use super::lanczos::{BlockLanczos, RitzPairs};
 use super::orthogonal::{orthonormalise, remove};
@@ -96,21 +98,40 @@ impl Slice {
     }
 }
 
-/// What all slices have in common.
+/// What all slices have in common. Vertices are in the factors' ordering.
 pub(super) struct Spectrum<'a> {
-    pub(super) pattern: &'a Pattern<'a>,
-    /// Diagonal of `A^{1/2}`, in the factors' ordering as everything here.
-    pub(super) root_mass: &'a [f64],
+    pattern: &'a Pattern<'a>,
+    /// Diagonal of `A^{1/2}`.
+    pub(super) root_mass: Vec<f64>,
     /// Unit eigenvector of zero.
-    pub(super) constant: ColRef<'a, f64>,
+    constant: Col<f64>,
     /// About how far apart eigenvalues are.
-    pub(super) spacing: f64,
+    spacing: f64,
     /// Bound on residuals, as a fraction of the largest eigenvalue of a slice.
-    pub(super) bound: f64,
-    pub(super) cancelled: &'a (dyn Fn() -> bool + Sync),
+    bound: f64,
+    cancelled: &'a (dyn Fn() -> bool + Sync),
 }
 
-impl Spectrum<'_> {
+impl<'a> Spectrum<'a> {
+    pub(super) fn new(
+        pattern: &'a Pattern<'a>,
+        mass: &[f64],
+        bound: f64,
+        cancelled: &'a (dyn Fn() -> bool + Sync),
+    ) -> Self {
+        let area: f64 = mass.iter().sum();
+        let ordering = pattern.ordering();
+        let root_mass: Vec<f64> = ordering.iter().map(|&v| mass[v as usize].sqrt()).collect();
+        Self {
+            pattern,
+            constant: Col::from_fn(root_mass.len(), |i| root_mass[i] / area.sqrt()),
+            root_mass,
+            spacing: weyl_spacing(area),
+            bound,
+            cancelled,
+        }
+    }
+
     /// The lowest `wanted` eigenpairs above zero, in one or more parts, ascending.
     pub(super) fn lowest(&self, wanted: usize) -> Result<Vec<RitzPairs>> {
         if wanted >= LEAST_SLICED {
@@ -172,12 +193,17 @@ impl Spectrum<'_> {
     fn pairs(&self, slice: &Slice, spacing: f64) -> Result<RitzPairs> {
         let factor = slice.factor(self.pattern, spacing, self.cancelled)?;
         let size = slice.expected_size();
-        BlockLanczos::new(&factor, self.root_mass, self.constant, size).run(
+        BlockLanczos::new(&factor, &self.root_mass, self.constant.as_ref(), size).run(
             slice,
             self.bound,
             self.cancelled,
         )
     }
+}
+
+/// Distance of eigenvalues far from zero: Weyl's `λ_j ≈ 4πj/area`.
+pub(super) fn weyl_spacing(area: f64) -> f64 {
+    4.0 * PI / area
 }
 
 /// Factor of `W − sA` where about `target` eigenvalues above zero are below `s`, [to a fraction](TOLERANCE) of the `wanted`.
@@ -214,31 +240,16 @@ fn factor_near<'a>(
 
 #[cfg(test)]
 mod tests {
-    use faer::Col;
-
     use super::super::shifted_factor::tests::laplacian;
-    use super::super::{RESIDUAL_BOUND, SAFETY, weyl_spacing};
+    use super::super::{RESIDUAL_BOUND, SAFETY};
     use super::*;
 
     #[test]
     fn two_slices_are_the_spectrum_found_at_once() {
         let laplacian = laplacian();
         let pattern = Pattern::new(&laplacian).unwrap();
-        let ordering = pattern.ordering();
-        let area: f64 = laplacian.mass.iter().sum();
-        let root_mass: Vec<f64> = ordering
-            .iter()
-            .map(|&v| laplacian.mass[v as usize].sqrt())
-            .collect();
-        let constant = Col::from_fn(root_mass.len(), |i| root_mass[i] / area.sqrt());
-        let spectrum = Spectrum {
-            pattern: &pattern,
-            root_mass: &root_mass,
-            constant: constant.as_ref(),
-            spacing: weyl_spacing(area),
-            bound: SAFETY * RESIDUAL_BOUND,
-            cancelled: &|| false,
-        };
+        let bound = SAFETY * RESIDUAL_BOUND;
+        let spectrum = Spectrum::new(&pattern, &laplacian.mass, bound, &|| false);
         let slices = spectrum.lowest(LEAST_SLICED).unwrap();
         assert_eq!(slices.len(), 2);
         let whole = spectrum

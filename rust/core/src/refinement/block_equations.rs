@@ -46,8 +46,8 @@ pub const PARTS: usize = 3;
 
 /// Equations of successive nodes, and later U and the right side of what is left.
 struct Window {
-    /// The first node and the first block.
-    first: (usize, usize),
+    first_node: usize,
+    first_block: usize,
     blocks: Vec<Block>,
     right: Vec<Unknowns>,
 }
@@ -63,9 +63,9 @@ impl Section {
     #[inline(always)]
     pub fn block(&mut self, number: u32) -> &mut Block {
         let number = number as usize;
-        match number.checked_sub(self.last.first.1) {
+        match number.checked_sub(self.last.first_block) {
             Some(i) => &mut self.last.blocks[i],
-            None => &mut self.own.blocks[number - self.own.first.1],
+            None => &mut self.own.blocks[number - self.own.first_block],
         }
     }
 
@@ -73,9 +73,9 @@ impl Section {
     #[inline(always)]
     pub fn right(&mut self, node: u32) -> &mut Unknowns {
         let node = node as usize;
-        match node.checked_sub(self.last.first.0) {
+        match node.checked_sub(self.last.first_node) {
             Some(i) => &mut self.last.right[i],
-            None => &mut self.own.right[node - self.own.first.0],
+            None => &mut self.own.right[node - self.own.first_node],
         }
     }
 }
@@ -169,7 +169,8 @@ impl BlockEquations {
     fn window(&self, nodes: &Range<usize>) -> Window {
         let blocks = self.starts[nodes.start]..self.starts[nodes.end];
         Window {
-            first: (nodes.start, blocks.start),
+            first_node: nodes.start,
+            first_block: blocks.start,
             blocks: vec![[[0.0; UNKNOWNS]; UNKNOWNS]; blocks.len()],
             right: vec![[0.0; UNKNOWNS]; nodes.len()],
         }
@@ -179,7 +180,7 @@ impl BlockEquations {
     #[inline(always)]
     fn eliminate(&self, part: &Range<usize>, section: &mut Section) -> Result<()> {
         let Section { own, last } = section;
-        let base = own.first.1;
+        let base = own.first_block;
         let group_of = |node: usize| self.groups.partition_point(|&first| first < node);
         for group in self.groups[group_of(part.start)..=group_of(part.end)].windows(2) {
             let nodes = group[0]..group[1];
@@ -203,7 +204,7 @@ impl BlockEquations {
                     let later = if column < part.end {
                         &mut own.right[column - part.start]
                     } else {
-                        &mut last.right[column - last.first.0]
+                        &mut last.right[column - last.first_node]
                     };
                     for ([x], line) in right.iter().zip(block.iter()) {
                         for (rest, u) in later.iter_mut().zip(line) {
@@ -233,7 +234,7 @@ impl BlockEquations {
                     let block = if (node as usize) < part.end {
                         &mut later[at - end]
                     } else {
-                        &mut last.blocks[at - last.first.1]
+                        &mut last.blocks[at - last.first_block]
                     };
                     let rows = nodes.clone().map(|node| (&below(node)[i], &below(node)[j]));
                     subtract_products(block, &rows);
@@ -246,7 +247,7 @@ impl BlockEquations {
     /// The solution at the nodes of a window, given that at the last ones after them.
     #[inline(always)]
     fn substitute_back(&self, window: &Window, found: &mut [Unknowns], after: &[Unknowns]) {
-        let (first, base) = window.first;
+        let (first, base) = (window.first_node, window.first_block);
         let last = self.parts[PARTS - 1].start;
         for i in (0..found.len()).rev() {
             let row = self.starts[first + i]..self.starts[first + i + 1];

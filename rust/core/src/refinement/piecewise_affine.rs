@@ -238,11 +238,11 @@ fn add(block: &mut Block, x: &[f64; 4], m: &[Point; 3], y: &[f64; 4]) {
 /// The nodes in an order in which eliminating one after the other fills in little, from pairs of them that depend on
 /// one another, and where its [parts] end.
 fn elimination_order(nodes: usize, pairs: &[(u32, u32)]) -> Result<(Vec<u32>, [usize; PARTS])> {
-    let mut order = minimum_degree_order(nodes, pairs)?;
-    let part = parts(nodes, &renumbered(pairs, &numbers(&order)));
-    let mut numbers: Vec<usize> = (0..nodes).collect();
-    numbers.sort_by_key(|&number| part[number]);
-    order = numbers.iter().map(|&number| order[number]).collect();
+    let found = minimum_degree_order(nodes, pairs)?;
+    let part = parts(nodes, &renumbered(pairs, &numbers(&found)));
+    let mut by_part: Vec<usize> = (0..nodes).collect();
+    by_part.sort_by_key(|&number| part[number]);
+    let order = by_part.iter().map(|&number| found[number]).collect();
     let ends = std::array::from_fn(|this| part.iter().filter(|&&part| part <= this).count());
     Ok((order, ends))
 }
