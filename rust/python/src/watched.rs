@@ -56,7 +56,8 @@ pub fn watched<T: Send>(
             let _done = done;
             match &pool {
                 Some(pool) => pool.install(|| work(&state)),
-                None => work(&state),
+                // Within the pool too: from outside every parallel step would wake it and wait.
+                None => rayon::scope(|_| work(&state)),
             }
         });
         while py.detach(still_running) {

@@ -383,8 +383,15 @@ impl<'a> Side<'a> {
         let before = 6 + self.fixed.ncols();
         let spectrum = before..before + k;
         let functions = &self.shape.rows;
+        // Rows have no padding, of which products would read what is left there: see `Rows::times`.
         let transposed = matrix.map(|matrix| {
-            Mat::from_fn(k, matrix.nrows(), |i, j| scales[i] * matrix[(j, i)] as f32)
+            let mut scaled = Rows::from_matrix(matrix, k);
+            for row in scaled.data.chunks_exact_mut(k) {
+                for (value, scale) in row.iter_mut().zip(&scales) {
+                    *value *= scale;
+                }
+            }
+            scaled
         });
         let dims = spectrum.end.next_multiple_of(COMPARED);
         self.rows.resize(n, dims);
@@ -397,11 +404,11 @@ impl<'a> Side<'a> {
                 let of_block =
                     functions
                         .as_columns()
-                        .submatrix(0, first, transposed.ncols(), count);
+                        .submatrix(0, first, transposed.count(), count);
                 matmul(
                     MatMut::from_column_major_slice_mut(rows, dims, count).subrows_mut(before, k),
                     Accum::Replace,
-                    transposed.as_ref(),
+                    transposed.as_columns(),
                     of_block,
                     1.0,
                     Par::Seq,
