@@ -179,23 +179,17 @@ impl FastMarching {
         let mut spokes = Vec::with_capacity(n);
         let mut fan_starts = Vec::with_capacity(n + 1);
         fan_starts.push(0);
-        for (v, row) in (0..).zip(starts.windows(2)) {
-            add_fans(
-                v,
-                &mut corners[row[0] as usize..row[1] as usize],
-                &mut spokes,
-            );
-            fan_starts.push(spokes.len() as u32);
-        }
         let mut bends: Vec<bool> = angle.iter().map(|&a| a > std::f64::consts::TAU).collect();
-        let mut edges: Vec<(u32, u32)> = faces
-            .iter()
-            .flat_map(|&[a, b, c]| [(a, b), (b, c), (c, a)].map(|(u, v)| (u.min(v), u.max(v))))
-            .collect();
-        edges.sort_unstable();
-        for run in edges.chunk_by(|a, b| a == b).filter(|run| run.len() != 2) {
-            bends[run[0].0 as usize] = true;
-            bends[run[0].1 as usize] = true;
+        let mut ends = Vec::new();
+        for (v, row) in (0..).zip(starts.windows(2)) {
+            let around = &mut corners[row[0] as usize..row[1] as usize];
+            // An edge is in two faces, or paths bend at its ends.
+            ends.clear();
+            ends.extend(around.iter().flat_map(|corner| corner.ends));
+            ends.sort_unstable();
+            bends[v as usize] |= ends.chunk_by(|a, b| a == b).any(|run| run.len() != 2);
+            add_fans(v, around, &mut spokes);
+            fan_starts.push(spokes.len() as u32);
         }
         let mean_edge = (total / corners.len().max(1) as f64) as f32;
         Self {
@@ -487,14 +481,20 @@ fn corner(vertices: &[Point], a: u32, b: u32, c: u32, factor: f64) -> (Corner, f
     let [p, q, r] = [a, b, c].map(|v| vertices[v as usize]);
     let (u, v) = (vector::sub(q, p), vector::sub(r, p));
     let (along, across) = (vector::dot(u, v), vector::norm(vector::cross(u, v)));
-    let angle = across.atan2(along);
+    let lengths = [u, v].map(vector::norm);
+    let area = lengths[0] * lengths[1];
+    let (cos, sin) = if area > 0.0 {
+        ((along / area) as f32, (across / area) as f32)
+    } else {
+        (NO_CORNER.cos, NO_CORNER.sin)
+    };
     let corner = Corner {
         ends: [b, c],
-        lengths: [u, v].map(|edge| (factor * vector::norm(edge)) as f32),
-        cos: angle.cos() as f32,
-        sin: angle.sin() as f32,
+        lengths: lengths.map(|length| (factor * length) as f32),
+        cos,
+        sin,
     };
-    (corner, angle)
+    (corner, across.atan2(along))
 }
 
 /// Adds the triangles around vertex `v` to the spokes, in as few fans as the edges that they share allow; where they are

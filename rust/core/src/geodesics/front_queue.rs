@@ -1,26 +1,25 @@
 //! The queue of a march: smallest distance first.
 
+use std::cmp::Reverse;
+
 /// Buckets to one mean edge: about ten vertices of a front of some hundred share one.
 const BUCKETS_PER_EDGE: f32 = 32.0;
 
 /// Buckets ahead of the front, a power of two: eight mean edges. Longer leaps wait elsewhere.
 const BUCKETS: usize = 256;
 
-/// Children of a node of the heap: a shallower tree than two, and siblings share a cache line.
-const BRANCHES: usize = 4;
-
 /// Vertices by distance, then by id, in exact order.
 ///
-/// Entries are sorted coarsely into buckets ahead of the front; only the bucket the front is in is
-/// a heap. Entries that are out of date by then never enter it.
+/// Entries are sorted coarsely into buckets ahead of the front, and in full once the front is in their bucket: a bucket
+/// holds few. Entries that are out of date by then are left out.
 #[derive(Debug, Clone)]
 pub(super) struct FrontQueue {
     /// Buckets to a unit of distance.
     per_unit: f32,
-    /// Number of the bucket that is the heap.
+    /// Number of the bucket that is sorted.
     current: u32,
-    /// Packed entries of the current bucket and all before.
-    heap: Vec<u64>,
+    /// Packed entries of the current bucket and all before, the least last.
+    sorted: Vec<u64>,
     buckets: Vec<Vec<u64>>,
     /// Entries in `buckets`.
     waiting: usize,
@@ -34,7 +33,7 @@ impl FrontQueue {
         Self {
             per_unit: if per_unit.is_finite() { per_unit } else { 0.0 },
             current: 0,
-            heap: Vec::new(),
+            sorted: Vec::new(),
             buckets: vec![Vec::new(); BUCKETS],
             waiting: 0,
             beyond: Vec::new(),
@@ -43,7 +42,7 @@ impl FrontQueue {
 
     pub(super) fn clear(&mut self) {
         self.current = 0;
-        self.heap.clear();
+        self.sorted.clear();
         self.beyond.clear();
         if self.waiting > 0 {
             self.buckets.iter_mut().for_each(Vec::clear);
@@ -56,7 +55,8 @@ impl FrontQueue {
         let key = packed(distance, vertex);
         let bucket = self.bucket_of(distance);
         if bucket <= self.current {
-            push_heap(&mut self.heap, key);
+            let place = self.sorted.partition_point(|&other| other > key);
+            self.sorted.insert(place, key);
         } else if (bucket - self.current) < BUCKETS as u32 {
             self.buckets[bucket as usize % BUCKETS].push(key);
             self.waiting += 1;
@@ -69,7 +69,7 @@ impl FrontQueue {
     #[inline]
     pub(super) fn pop(&mut self, valid: impl Fn(f32, u32) -> bool) -> Option<u32> {
         loop {
-            while let Some(key) = pop_heap(&mut self.heap) {
+            while let Some(key) = self.sorted.pop() {
                 let (distance, vertex) = unpacked(key);
                 if valid(distance, vertex) {
                     return Some(vertex);
@@ -108,10 +108,11 @@ impl FrontQueue {
         for &key in bucket.iter() {
             let (distance, vertex) = unpacked(key);
             if valid(distance, vertex) {
-                push_heap(&mut self.heap, key);
+                self.sorted.push(key);
             }
         }
         bucket.clear();
+        self.sorted.sort_unstable_by_key(|&key| Reverse(key));
         true
     }
 
@@ -130,7 +131,7 @@ impl FrontQueue {
     #[inline]
     #[expect(clippy::cast_sign_loss, reason = "distances are not negative")]
     fn bucket_of(&self, distance: f32) -> u32 {
-        // Saturates for distances of very many edges, which only makes the heap larger.
+        // Saturates for distances of very many edges, which only makes that bucket larger.
         (distance * self.per_unit) as u32
     }
 }
@@ -146,58 +147,13 @@ fn unpacked(key: u64) -> (f32, u32) {
     (f32::from_bits((key >> 32) as u32), key as u32)
 }
 
-#[inline]
-fn push_heap(heap: &mut Vec<u64>, key: u64) {
-    let mut at = heap.len();
-    heap.push(key);
-    while at > 0 {
-        let parent = (at - 1) / BRANCHES;
-        if heap[parent] <= key {
-            break;
-        }
-        heap[at] = heap[parent];
-        at = parent;
-    }
-    heap[at] = key;
-}
-
-#[inline]
-fn pop_heap(heap: &mut Vec<u64>) -> Option<u64> {
-    let last = heap.pop()?;
-    let Some(&top) = heap.first() else {
-        return Some(last);
-    };
-    let keys = heap.as_mut_slice();
-    let mut at = 0;
-    loop {
-        let first = at * BRANCHES + 1;
-        if first >= keys.len() {
-            break;
-        }
-        let end = (first + BRANCHES).min(keys.len());
-        let mut least = first;
-        for child in first + 1..end {
-            if keys[child] < keys[least] {
-                least = child;
-            }
-        }
-        if keys[least] >= last {
-            break;
-        }
-        keys[at] = keys[least];
-        at = least;
-    }
-    keys[at] = last;
-    Some(top)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn entries_leave_in_order_near_and_far() {
-        // Leaps of up to 40 mean edges, so that entries pass through the heap, the buckets and
+        // Leaps of up to 40 mean edges, so that entries pass through the sorted bucket, the others and
         // beyond; every fifth one is lowered before its turn and must leave once, at its new place.
         let mut state = 7u64;
         let mut draw = || {
