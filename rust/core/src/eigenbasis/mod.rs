@@ -57,7 +57,7 @@ pub struct Eigenbasis {
 impl Eigenbasis {
     /// The `k` smallest eigenpairs.
     ///
-    /// Shift-invert block Lanczos with full orthogonalisation, in two slices of the spectrum side by side from 140 pairs
+    /// Shift-invert block Lanczos with full orthogonalisation, in two slices of the spectrum side by side from 180 pairs
     /// on; what lies below the shifts, between the slices and below a value just above all pairs is counted by the
     /// inertia of factors. The result does not depend on the number of threads. Working memory per vertex: about
     /// `8·(1.6 k + 160) + 8 k` bytes and two factors.
