@@ -13,6 +13,7 @@
 //! and the propagated nearest neighbours are this project's.
 
 use faer::{Mat, MatRef};
+use rayon::prelude::*;
 
 use crate::dense::{self, Rows};
 use crate::error::Result;
@@ -137,10 +138,11 @@ pub const FULL: Schedule = Schedule {
     drawn: None,
 };
 
-/// Of a map that keeps distances: a second way would find nothing better, and the steps on the whole surface have less
-/// to do.
+/// Of a map that keeps distances: a second way would find nothing better, and the second climb and the steps on the
+/// whole surface have less to do.
 pub const ISOMETRIC: Schedule = Schedule {
     two_ways: false,
+    sizes: &[80, 110, 150],
     rigid_sizes: &[150, 150],
     ..FULL
 };
@@ -703,15 +705,13 @@ impl<'a> Refined<'a> {
         let (moving, still) = (self.moving.shape, self.still.shape);
         let (mut anchors, mut drawn): (Option<Vec<Point>>, Option<Vec<Point>>) = (None, None);
         for round in 0..SLIDES {
-            let feet: Vec<Foot> = self
-                .image_points(round + SLIDES_WITHIN_TRIANGLES >= SLIDES, check)?
-                .iter()
-                .map(|image| Foot::new(still, image))
-                .collect();
+            let images = self.image_points(round + SLIDES_WITHIN_TRIANGLES >= SLIDES, check)?;
+            let feet: Vec<Foot> =
+                (images.par_iter().map(|image| Foot::new(still, image))).collect();
             let anchors = anchors.get_or_insert_with(|| feet.iter().map(|f| f.place).collect());
             // What the rigid surface left within the other body is not swallowed.
             let placed = |v: usize| (round > 0).then(|| self.deformed_at(v));
-            let pulls: Vec<Pull> = (feet.iter().zip(anchors).enumerate())
+            let pulls: Vec<Pull> = (feet.par_iter().zip(&*anchors).enumerate())
                 .map(|(v, (foot, anchor))| {
                     foot.pull(moving.mass[v] * moving.bulging[v], placed(v), *anchor)
                 })

@@ -14,8 +14,8 @@ use crate::shape::Shape;
 
 /// Eigenfunctions of an upsampled map.
 pub const UPSAMPLED_SIZE: usize = 60;
-/// Eigenfunctions added a step.
-const STEP: usize = 4;
+/// Eigenfunctions added a step; with four errors are the same.
+const STEP: usize = 6;
 
 /// `(kₛ, kₜ)` map of up to [`UPSAMPLED_SIZE`] eigenfunctions grown from a candidate, by nearest
 /// neighbours between the two shapes' samples.
