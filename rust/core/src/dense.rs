@@ -20,6 +20,9 @@ pub fn add_product(out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>)
     matmul(out, Accum::Add, a, b, 1.0, Par::Seq);
 }
 
+/// Right-hand sides from which on as many others are solved for beside them.
+const COLUMNS_ASIDE: usize = 32;
+
 /// Solves (G + diag(ridge)) X = B for symmetric positive definite G, of which the lower half is read.
 ///
 /// # Errors
@@ -35,7 +38,13 @@ pub fn solve_with_ridge(
     let factor = gram.llt(Side::Lower).map_err(|e| Error::NotFactorised {
         reason: format!("least squares of size {}: {e:?}", gram.nrows()),
     })?;
-    Ok(factor.solve(right))
+    let half = right.ncols() / 2;
+    if half < COLUMNS_ASIDE {
+        return Ok(factor.solve(right));
+    }
+    let (first, second) = right.split_at_col(half);
+    let (first, second) = rayon::join(|| factor.solve(first), || factor.solve(second));
+    Ok(faer::concat![[first, second]])
 }
 
 /// Rows of a matrix in the order of `ids`, first `columns` columns.
@@ -93,8 +102,21 @@ pub const COMPARED: usize = 2 * LANES;
 #[inline(always)]
 pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
     let (x, y) = (a.chunks_exact(COMPARED), b.chunks_exact(COMPARED));
-    let rest = x.remainder().iter().zip(y.remainder());
-    let mut sum = rest.map(|(p, q)| (p - q) * (p - q)).sum();
+    let (rest_x, rest_y) = (x.remainder(), y.remainder());
+    let mut sum = 0.0;
+    if !rest_x.is_empty() {
+        let (x, y) = (rest_x.chunks_exact(LANES), rest_y.chunks_exact(LANES));
+        let rest = x.remainder().iter().zip(y.remainder());
+        sum = rest.map(|(p, q)| (p - q) * (p - q)).sum();
+        for (x, y) in x.zip(y) {
+            let mut lanes = [0.0; LANES];
+            for l in 0..LANES {
+                let d = x[l] - y[l];
+                lanes[l] = d * d;
+            }
+            sum += sum_of_lanes(lanes);
+        }
+    }
     for (x, y) in x.zip(y) {
         let mut lanes = [0.0; LANES];
         for (p, q) in x.chunks_exact(LANES).zip(y.chunks_exact(LANES)) {

@@ -305,19 +305,24 @@ impl<'a> SampledPair<'a> {
         let target = self.side_target.single.get(.., ..kt);
         let turned = dense::product(self.side_source.basis.get(.., ..ks), matrix);
         let source = dense::in_single(turned.as_ref());
-        let on_source = closest(
-            target.get(..self.side_target.asking, ..),
-            source.as_ref(),
-            Some(&self.side_source.fixed),
-            1.0 / kt as f32,
-        );
-        let on_target = closest(
-            source.get(..self.side_source.asking, ..),
-            target,
-            Some(&self.side_target.fixed),
-            1.0 / kt as f32,
-        );
-        (on_source, on_target)
+        rayon::join(
+            || {
+                closest(
+                    target.get(..self.side_target.asking, ..),
+                    source.as_ref(),
+                    Some(&self.side_source.fixed),
+                    1.0 / kt as f32,
+                )
+            },
+            || {
+                closest(
+                    source.get(..self.side_source.asking, ..),
+                    target,
+                    Some(&self.side_target.fixed),
+                    1.0 / kt as f32,
+                )
+            },
+        )
     }
 
     /// Point maps and energy of a matrix.
@@ -514,19 +519,24 @@ impl Sampled {
             basis.as_ref(),
         );
         let waves = mine.dims - 1;
-        let wave_distance = |a: &[f32], b: &[f32]| {
-            vectorised(
-                #[inline(always)]
-                || squared_distance(&a[..waves], &b[..waves], f32::INFINITY),
-            )
-        };
+        let mut to_waves = vec![0.0; mine.count()];
         let mut fixed = Mat::zeros(mine.count(), theirs.count());
         let mut mismatch = Mat::zeros(mine.count(), theirs.count());
         for j in 0..theirs.count() {
-            for i in 0..mine.count() {
-                let (a, b) = (mine.row(i), theirs.row(j));
-                let wave = wave_distance(a, b);
-                let bend = a[waves] - b[waves];
+            let b = theirs.row(j);
+            vectorised(
+                #[inline(always)]
+                || {
+                    for (i, distance) in to_waves.iter_mut().enumerate() {
+                        let (a, b) = (&mine.row(i)[..waves], &b[..waves]);
+                        *distance = squared_distance(a, b, f32::INFINITY);
+                    }
+                },
+            );
+            let fixed = fixed.col_as_slice_mut(j).iter_mut();
+            let mismatch = mismatch.col_as_slice_mut(j).iter_mut();
+            for (i, (fixed, mismatch)) in fixed.zip(mismatch).enumerate() {
+                let bend = mine.row(i)[waves] - b[waves];
                 let hinted: f32 = known
                     .col_as_slice(i)
                     .iter()
@@ -539,13 +549,12 @@ impl Sampled {
                         (OFFSET_WEIGHT * change).powi(2)
                     });
                 let (wave, bend) = if pair.uses(Part::Descriptors) {
-                    (wave, bend)
+                    (to_waves[i], bend)
                 } else {
                     (1.0, 0.0)
                 };
-                fixed[(i, j)] =
-                    DESCRIPTOR_WEIGHT * DESCRIPTOR_WEIGHT * (wave + bend * bend) + hinted;
-                mismatch[(i, j)] = wave.sqrt() + bend.abs() + hinted.sqrt();
+                *fixed = DESCRIPTOR_WEIGHT * DESCRIPTOR_WEIGHT * (wave + bend * bend) + hinted;
+                *mismatch = wave.sqrt() + bend.abs() + hinted.sqrt();
             }
         }
         Self {
@@ -675,8 +684,10 @@ pub fn fit(
         target,
         (0..first as u32).chain(on_target.iter().copied()).collect(),
     );
-    let gram = dense::product(p.transpose(), p.as_ref());
-    let right = dense::product(p.transpose(), q.as_ref());
+    let (gram, right) = rayon::join(
+        || dense::product(p.transpose(), p.as_ref()),
+        || dense::product(p.transpose(), q.as_ref()),
+    );
     dense::solve_with_ridge(gram, |_| FIT_RIDGE * first as f64, right.as_ref())
 }
 

@@ -10,6 +10,7 @@
 
 use faer::{Mat, MatRef};
 
+use crate::dense::vectorised;
 use crate::shape::Shape;
 use crate::vector::{self, Point};
 
@@ -38,15 +39,16 @@ impl TangentGradients {
         let functions = functions.min(shape.basis.values.len());
         let mut rows = Vec::with_capacity(vertices.len() * functions);
         let mut defined = Vec::with_capacity(vertices.len());
+        let mut sums = [vec![0.0; functions], vec![0.0; functions]];
         for &v in vertices {
             let normal = shape.normals[v as usize];
-            let [first, second] = tangent_frame(normal);
             defined.push(vector::dot(normal, normal) > 0.0);
-            rows.extend(
-                gradients(shape, v, functions)
-                    .iter()
-                    .map(|&g| [vector::dot(g, first), vector::dot(g, second)]),
+            vectorised(
+                #[inline(always)]
+                || sum_gradients(shape, v, tangent_frame(normal), &mut sums),
             );
+            let [first, second] = &sums;
+            rows.extend(first.iter().zip(second).map(|(&x, &y)| [x, y]));
         }
         Self {
             functions,
@@ -183,10 +185,13 @@ fn tangent_frame(normal: Point) -> [Point; 2] {
     [first, vector::cross(normal, first)]
 }
 
-/// Area-weighted sums of the face gradients around a vertex, times two.
-fn gradients(shape: &Shape, vertex: u32, count: usize) -> Vec<Point> {
+/// Area-weighted sums of the face gradients around a vertex, times two: along either axis of a frame.
+#[inline(always)]
+fn sum_gradients(shape: &Shape, vertex: u32, frame: [Point; 2], sums: &mut [Vec<f64>; 2]) {
     let mesh = &shape.mesh;
-    let mut sums = vec![[0.0; 3]; count];
+    let [first, second] = sums;
+    first.fill(0.0);
+    second.fill(0.0);
     for &face in shape.vertex_faces.row(vertex as usize) {
         if mesh.is_flat(face as usize) {
             continue;
@@ -197,10 +202,12 @@ fn gradients(shape: &Shape, vertex: u32, count: usize) -> Vec<Point> {
             let [from, to] = [corners[(i + 1) % 3], corners[(i + 2) % 3]];
             let opposite = vector::sub(mesh.vertices[to as usize], mesh.vertices[from as usize]);
             let turned = vector::cross(unit, opposite);
-            for (sum, &value) in sums.iter_mut().zip(shape.rows.row(corners[i] as usize)) {
-                *sum = vector::add(*sum, vector::scaled(turned, f64::from(value)));
+            let [x, y] = frame.map(|axis| vector::dot(turned, axis));
+            let values = shape.rows.row(corners[i] as usize);
+            for ((u, v), &value) in first.iter_mut().zip(&mut *second).zip(values) {
+                *u += x * f64::from(value);
+                *v += y * f64::from(value);
             }
         }
     }
-    sums
 }
