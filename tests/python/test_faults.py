@@ -385,8 +385,8 @@ with multiprocessing.get_context("fork").Pool(2) as pool:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="a limit that Linux keeps")
 def test_threads_that_the_system_does_not_start_are_told_of():
-    """Room for three stacks of 300 MB, and for what threads that were started still need: where that is missing,
-    the C library ends the process."""
+    """Room for three stacks of 300 MB, and for what threads that were started still need: where that is
+    missing, the C library ends the process."""
     code = """
 import os, resource, numpy as np, sgmds
 from pathlib import Path
