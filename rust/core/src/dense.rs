@@ -105,32 +105,30 @@ pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
     let (rest_x, rest_y) = (x.remainder(), y.remainder());
     let mut sum = 0.0;
     if !rest_x.is_empty() {
-        let (x, y) = (rest_x.chunks_exact(LANES), rest_y.chunks_exact(LANES));
-        let rest = x.remainder().iter().zip(y.remainder());
-        sum = rest.map(|(p, q)| (p - q) * (p - q)).sum();
-        for (x, y) in x.zip(y) {
-            let mut lanes = [0.0; LANES];
-            for l in 0..LANES {
-                let d = x[l] - y[l];
-                lanes[l] = d * d;
-            }
-            sum += sum_of_lanes(lanes);
-        }
+        let last = |rest| <[f32]>::chunks_exact(rest, LANES).remainder();
+        let last = last(rest_x).iter().zip(last(rest_y));
+        sum = last.map(|(p, q)| (p - q) * (p - q)).sum::<f32>() + squares_in_lanes(rest_x, rest_y);
     }
     for (x, y) in x.zip(y) {
-        let mut lanes = [0.0; LANES];
-        for (p, q) in x.chunks_exact(LANES).zip(y.chunks_exact(LANES)) {
-            for l in 0..LANES {
-                let d = p[l] - q[l];
-                lanes[l] += d * d;
-            }
-        }
-        sum += sum_of_lanes(lanes);
+        sum += squares_in_lanes(x, y);
         if sum > limit {
             return sum;
         }
     }
     sum
+}
+
+/// ‖x − y‖² over as many coordinates as fill whole lanes.
+#[inline(always)]
+fn squares_in_lanes(x: &[f32], y: &[f32]) -> f32 {
+    let mut lanes = [0.0; LANES];
+    for (p, q) in x.chunks_exact(LANES).zip(y.chunks_exact(LANES)) {
+        for l in 0..LANES {
+            let d = p[l] - q[l];
+            lanes[l] += d * d;
+        }
+    }
+    sum_of_lanes(lanes)
 }
 
 /// Σ aᵢbᵢᵀ over the columns of both, summed in single precision.

@@ -482,9 +482,9 @@ fn corner(vertices: &[Point], a: u32, b: u32, c: u32, factor: f64) -> (Corner, f
     let (u, v) = (vector::sub(q, p), vector::sub(r, p));
     let (along, across) = (vector::dot(u, v), vector::norm(vector::cross(u, v)));
     let lengths = [u, v].map(vector::norm);
-    let area = lengths[0] * lengths[1];
-    let (cos, sin) = if area > 0.0 {
-        ((along / area) as f32, (across / area) as f32)
+    let product = lengths[0] * lengths[1];
+    let (cos, sin) = if product > 0.0 {
+        ((along / product) as f32, (across / product) as f32)
     } else {
         (NO_CORNER.cos, NO_CORNER.sin)
     };
