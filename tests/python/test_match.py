@@ -350,6 +350,22 @@ def test_progress_cancels_by_any_false(slender, no):
         sgmds.Shape(slender.vertices, slender.faces, progress=lambda stage, fraction: no)
 
 
+def test_every_stage_is_told_of_in_its_order(slender, stout):
+    """However short it is: what is told of between stages comes only every so often."""
+    told = []
+    shapes = [
+        sgmds.Shape(p.vertices, p.faces, progress=lambda *now: told.append(now)) for p in (slender, stout)
+    ]
+    prepared = len(told)
+    sgmds.match(*shapes, progress=lambda *now: told.append(now))
+    stages = [stage for stage, fraction in told]
+    one_shape = ["reading", "operator", "eigenpairs", "sampling", "geodesics", "distance operator"]
+    assert list(dict.fromkeys(stages[:prepared])) == one_shape
+    assert set(stages[prepared:]) == {"search", "selection", "refinement", "dense map"}
+    done = [fraction for stage, fraction in told[prepared:]]
+    assert done == sorted(done) and done[-1] <= 1
+
+
 def test_values_that_are_no_real_numbers_are_refused(corr, slender):
     count = len(slender.vertices)
     for values in (["1"] * count, np.zeros(count, complex), [[0.0], [0.0, 1.0]], np.zeros(count + 1), 1.0):

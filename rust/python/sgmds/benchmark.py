@@ -1,7 +1,8 @@
 """Times of the stages and of the whole, beside peers, on one generated character pair of growing size.
 
 A time is wall time from arrays in memory to the finished result, median of the runs; ours and the peers'
-runs alternate, so that a busy machine slows both. Stages are read from the progress reports of the core.
+runs alternate, so that a busy machine slows both. Stages are those that the core tells of, of one shape
+prepared alone and of the match of prepared ones; factorisation, a part of the eigenpairs, is a kernel.
 Every run of a peer is a process of its own, which can be stopped when it takes too long.
 """
 
@@ -43,6 +44,7 @@ PEERS = {
 
 # Our counterparts of the component peers, and what the eigenpairs cannot do without.
 KERNELS = {
+    "our factor": "one factorisation, a part of the eigenpairs",
     "our eigenpairs": f"eigenpairs, {EIGENPAIRS}, one shape",
     "our solves": "as many sparse solves in blocks, nothing else",
     "our marching": f"fast marching, {SOURCES} sources",
@@ -191,6 +193,7 @@ def _time_kernels(mesh, times: dict) -> None:
         solves = kernels.eigenpairs(EIGENPAIRS)[1]
 
     work = {
+        "our factor": lambda: kernels.bare_solves(0),
         "our eigenpairs": eigenpairs,
         "our solves": lambda: kernels.bare_solves(solves),
         "our marching": lambda: kernels.distances(_sources(mesh)),

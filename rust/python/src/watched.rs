@@ -1,7 +1,7 @@
 //! Runs the core off the interpreter: the lock released, progress told, cancellation heard.
 
-use std::sync::mpsc::{RecvTimeoutError, channel};
-use std::sync::{Mutex, OnceLock};
+use std::sync::OnceLock;
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::Duration;
 
 use pyo3::prelude::*;
@@ -10,15 +10,31 @@ use sgmds_core::progress::Progress;
 
 use crate::errors;
 
-/// Time between two looks at a running computation.
+/// Longest time between two looks at a running computation.
 const GLANCE: Duration = Duration::from_millis(40);
 
 /// The process that may have started the common pool. A child forked from it has the pool, but none of its threads.
 static POOL_OWNER: OnceLock<u32> = OnceLock::new();
 
+/// What the working thread tells the waiting one.
+enum News {
+    Stage(&'static str, f64),
+    End,
+}
+
+/// Tells of the end when it is dropped, in whatever way the work ends.
+struct Ending(Sender<News>);
+
+impl Drop for Ending {
+    fn drop(&mut self) {
+        // Nobody waits any more when the waiting thread panicked.
+        let _ = self.0.send(News::End);
+    }
+}
+
 /// Runs `work` on its own thread (with `threads` workers, or the process's pool) while this one
-/// calls `progress(stage, fraction)` and handles signals. A callback that returns `False` or
-/// raises, and Ctrl-C, stop the work at its next check.
+/// calls `progress(stage, fraction)`, for every stage and from time to time, and handles signals.
+/// A callback that returns `False` or raises, and Ctrl-C, stop the work at its next check.
 pub fn watched<T: Send>(
     py: Python<'_>,
     progress: Option<&Bound<'_, PyAny>>,
@@ -42,27 +58,36 @@ pub fn watched<T: Send>(
             let what = format!("the system starts no more threads ({error}): set `threads` lower");
             errors::to_python(py, &Error::BadArgument { what })
         })?;
-    let state = Progress::default();
-    let (done, wait) = channel::<()>();
-    let wait = Mutex::new(wait);
-    let still_running = || match wait.lock() {
-        Ok(wait) => wait.recv_timeout(GLANCE) == Err(RecvTimeoutError::Timeout),
-        Err(_) => false,
+    let (tell, news) = channel();
+    let state = match progress {
+        Some(_) => {
+            let tell = tell.clone();
+            Progress::followed_by(Box::new(move |stage, fraction| {
+                let _ = tell.send(News::Stage(stage, fraction));
+            }))
+        }
+        None => Progress::default(),
     };
+    let mut next = move || news.recv_timeout(GLANCE);
     let mut interruption = None;
     let outcome = std::thread::scope(|scope| {
+        let ending = Ending(tell);
         let worker = scope.spawn(|| {
-            // Dropped when the work ends in whatever way, which ends the waiting.
-            let _done = done;
+            let _ending = ending;
             match &pool {
                 Some(pool) => pool.install(|| work(&state)),
                 // Within the pool too: from outside every parallel step would wake it and wait.
                 None => rayon::scope(|_| work(&state)),
             }
         });
-        while py.detach(still_running) {
+        loop {
+            let (stage, fraction) = match py.detach(&mut next) {
+                Ok(News::Stage(stage, fraction)) => (stage, fraction),
+                Err(RecvTimeoutError::Timeout) => state.now(),
+                Ok(News::End) | Err(RecvTimeoutError::Disconnected) => break,
+            };
             if interruption.is_none()
-                && let Err(error) = glance(py, progress, &state)
+                && let Err(error) = glance(py, progress, stage, fraction)
             {
                 interruption = Some(error);
                 state.cancel();
@@ -76,7 +101,8 @@ pub fn watched<T: Send>(
     match outcome {
         Ok(Ok(value)) => {
             // How far it came in the end.
-            glance(py, progress, &state)?;
+            let (stage, fraction) = state.now();
+            glance(py, progress, stage, fraction)?;
             Ok(value)
         }
         Ok(Err(error)) => Err(errors::to_python(py, &error)),
@@ -84,12 +110,16 @@ pub fn watched<T: Send>(
     }
 }
 
-fn glance(py: Python<'_>, progress: Option<&Bound<'_, PyAny>>, state: &Progress) -> PyResult<()> {
+fn glance(
+    py: Python<'_>,
+    progress: Option<&Bound<'_, PyAny>>,
+    stage: &str,
+    fraction: f64,
+) -> PyResult<()> {
     py.check_signals()?;
     let Some(callback) = progress else {
         return Ok(());
     };
-    let (stage, fraction) = state.now();
     let answer = callback.call1((stage, fraction))?;
     // Python's truth values, or numpy's, whose name has changed.
     let is_bool = matches!(answer.get_type().name()?.to_str()?, "bool" | "bool_");

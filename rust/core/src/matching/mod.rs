@@ -102,7 +102,9 @@ pub fn match_shapes(
         }
         Method::Auto => {
             let landmarks = checked_landmarks(source, target, &options.landmarks)?;
-            report("landmarks", 0.0)?;
+            if !landmarks.is_empty() {
+                report("landmarks", 0.0)?;
+            }
             let hints = Arc::new(Hints::new(
                 target,
                 source,
