@@ -1,5 +1,6 @@
 //! Farthest point sampling.
 
+use std::array::from_mut;
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
@@ -48,9 +49,10 @@ pub fn farthest_points(
             return Err(Error::Cancelled);
         }
         let seeds = [Seed::at(vertex)];
+        let limit = |v: u32| to_set[v as usize];
         vectorised(
             #[inline(always)]
-            || marching.run(&seeds, &mut workspace, |v| to_set[v as usize]),
+            || marching.run([&seeds], from_mut(&mut workspace), limit),
         );
         for (v, distance) in workspace.reached() {
             to_set[v as usize] = distance;

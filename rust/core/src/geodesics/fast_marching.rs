@@ -1,6 +1,6 @@
 //! Fast marching with circular wavefronts.
 
-use std::array::from_fn;
+use std::array::{from_fn, from_mut};
 
 use super::front_queue::FrontQueue;
 use crate::dense::{LANES, vectorised};
@@ -123,12 +123,69 @@ impl Workspace {
         })
     }
 
-    fn clear(&mut self) {
+    /// Distances of all vertices, infinite where the last march did not come.
+    fn write(&self, out: &mut [f32]) {
+        out.fill(f32::INFINITY);
+        for (v, distance) in self.reached() {
+            out[v as usize] = distance;
+        }
+    }
+
+    /// Forgets the last march and places the seeds of the next.
+    fn begin(&mut self, seeds: &[Seed], limit: &impl Fn(u32) -> f32) {
         for &v in &self.touched {
             self.front[v as usize] = FAR;
         }
         self.touched.clear();
         self.queue.clear();
+        for seed in seeds {
+            self.lower_vertex(seed.vertex, seed.distance, seed.offset, limit);
+        }
+    }
+
+    /// The vertex to be passed next.
+    #[inline(always)]
+    fn next(&mut self) -> Option<u32> {
+        let front = &self.front;
+        // An entry is out of date when its vertex was lowered since.
+        self.queue.pop(
+            #[inline(always)]
+            |distance, v| front[v as usize].distance.to_bits() == distance.to_bits(),
+        )
+    }
+
+    /// Lowers what can be lowered at the ends of spokes; true when only those were that had been passed too early.
+    #[inline(always)]
+    fn lower(&mut self, spokes: &Spokes, reached: &Reached, limit: &impl Fn(u32) -> f32) -> bool {
+        // Those passed too early first: across their edges others come too near.
+        let opened = reached.lower & reached.passed;
+        let mut lower = if opened == 0 { reached.lower } else { opened };
+        while lower != 0 {
+            let lane = lower.trailing_zeros() as usize;
+            lower &= lower - 1;
+            let (distance, offset) = (reached.distance[lane], reached.offset[lane]);
+            self.lower_vertex(spokes.vertex[lane], distance, offset, limit);
+        }
+        opened != 0
+    }
+
+    /// Lowers a vertex, unless it is as near or `limit` is nearer.
+    #[inline(always)]
+    fn lower_vertex(&mut self, v: u32, distance: f32, offset: f32, limit: &impl Fn(u32) -> f32) {
+        let front = &mut self.front[v as usize];
+        // The first spoke of a closed fan is the last one too.
+        if distance >= front.distance || distance > limit(v) {
+            return;
+        }
+        if front.distance == f32::INFINITY {
+            self.touched.push(v);
+        }
+        front.distance = distance;
+        front.offset = offset;
+        if !front.passed.is_nan() {
+            front.passed = distance;
+        }
+        self.queue.push(distance, v);
     }
 }
 
@@ -243,97 +300,145 @@ impl FastMarching {
         assert_eq!(out.len(), self.vertex_count(), "one distance a vertex");
         vectorised(
             #[inline(always)]
-            || self.run(seeds, workspace, |_| bound),
+            || self.run([seeds], from_mut(workspace), |_| bound),
         );
-        out.fill(f32::INFINITY);
-        for (v, distance) in workspace.reached() {
-            out[v as usize] = distance;
+        workspace.write(out);
+    }
+
+    /// Distances from two vertices up to `bound`; infinite beyond. Both marches go step by step beside each other,
+    /// which takes a tenth less time than one after the other, and have the same results.
+    ///
+    /// # Panics
+    /// As [`march`](Self::march).
+    pub(super) fn march_two(
+        &self,
+        sources: [u32; 2],
+        bound: f32,
+        workspaces: &mut [Workspace; 2],
+        out: [&mut [f32]; 2],
+    ) {
+        let seeds = sources.map(|source| [Seed::at(source)]);
+        let seeds = seeds.each_ref().map(<[Seed; 1]>::as_slice);
+        vectorised(
+            #[inline(always)]
+            || self.run(seeds, workspaces, |_| bound),
+        );
+        for (workspace, out) in workspaces.iter().zip(out) {
+            workspace.write(out);
         }
     }
 
-    /// Marches from `seeds`; a vertex takes part while its distance is at most `limit` of it.
+    /// Marches from each of `seeds` in its workspace; a vertex takes part while its distance is at most `limit` of it.
     #[inline(always)]
-    pub(super) fn run(
+    pub(super) fn run<const M: usize>(
         &self,
-        seeds: &[Seed],
-        workspace: &mut Workspace,
+        seeds: [&[Seed]; M],
+        workspaces: &mut [Workspace; M],
         limit: impl Fn(u32) -> f32,
     ) {
-        workspace.clear();
-        for seed in seeds {
-            let front = &mut workspace.front[seed.vertex as usize];
-            if seed.distance < front.distance && seed.distance <= limit(seed.vertex) {
-                if front.distance == f32::INFINITY {
-                    workspace.touched.push(seed.vertex);
-                }
-                front.distance = seed.distance;
-                front.offset = seed.offset;
-                workspace.queue.push(seed.distance, seed.vertex);
-            }
+        for (workspace, seeds) in workspaces.iter_mut().zip(seeds) {
+            workspace.begin(seeds, &limit);
         }
-        // An entry is out of date when its vertex was lowered since.
-        while let Some(a) = {
-            let front = &workspace.front;
-            let valid =
-                |distance: f32, v: u32| front[v as usize].distance.to_bits() == distance.to_bits();
-            workspace.queue.pop(valid)
-        } {
-            self.step(a, workspace, &limit);
+        loop {
+            let mut vertices = [None; M];
+            for (vertex, workspace) in vertices.iter_mut().zip(&mut *workspaces) {
+                *vertex = workspace.next();
+            }
+            if vertices.iter().all(Option::is_none) {
+                break;
+            }
+            self.step(vertices, workspaces, &limit);
         }
     }
 
-    /// Passes vertex `a` and lowers its neighbours.
+    /// Passes the next vertex of each march, if there is one, and lowers its neighbours.
+    ///
+    /// What the first blocks' neighbours get is worked out for all marches before anything branches on it: it is a
+    /// chain of roots and divisions, and the processor works on several at once. Loops instead of closures, which
+    /// would not be compiled for vector registers.
     #[inline(always)]
-    fn step(&self, a: u32, workspace: &mut Workspace, limit: &impl Fn(u32) -> f32) {
-        let Workspace {
-            front,
-            queue,
-            touched,
-        } = workspace;
-        let from = &mut front[a as usize];
-        from.passed = from.distance;
-        let from = *from;
-        let edge_offset = if self.bends[a as usize] {
-            from.distance
-        } else {
-            from.offset
-        };
-        let blocks = self.starts[a as usize] as usize..self.starts[a as usize + 1] as usize;
-        for spokes in &self.spokes[blocks] {
-            loop {
-                let fronts = spokes.vertex.map(|v| front[v as usize]);
-                let reached = Reached::new(from, edge_offset, spokes, &fronts);
-                // Vertices that were passed too early first: across their edges others come too near.
-                let opened = reached.lower & reached.passed;
-                let mut lower = if opened == 0 { reached.lower } else { opened };
-                while lower != 0 {
-                    let lane = lower.trailing_zeros() as usize;
-                    lower &= lower - 1;
-                    let (v, distance) = (spokes.vertex[lane], reached.distance[lane]);
-                    let front = &mut front[v as usize];
-                    // The first spoke of a closed fan is the last one too.
-                    if distance >= front.distance || distance > limit(v) {
-                        continue;
-                    }
-                    if front.distance == f32::INFINITY {
-                        touched.push(v);
-                    }
-                    front.distance = distance;
-                    front.offset = reached.offset[lane];
-                    if !front.passed.is_nan() {
-                        front.passed = distance;
-                    }
-                    queue.push(distance, v);
+    fn step<const M: usize>(
+        &self,
+        vertices: [Option<u32>; M],
+        workspaces: &mut [Workspace; M],
+        limit: &impl Fn(u32) -> f32,
+    ) {
+        let mut passings = [Passing::NONE; M];
+        let mut reached = [Reached::NOTHING; M];
+        for m in 0..M {
+            if let Some(vertex) = vertices[m] {
+                passings[m] = self.pass(vertex, &mut workspaces[m]);
+            }
+        }
+        for m in 0..M {
+            if passings[m].first < passings[m].end {
+                reached[m] = self.reach(&passings[m], passings[m].first, &workspaces[m]);
+            }
+        }
+        for m in 0..M {
+            let passing = passings[m];
+            let mut reached = reached[m];
+            for block in passing.first..passing.end {
+                if block > passing.first {
+                    reached = self.reach(&passing, block, &workspaces[m]);
                 }
-                if opened == 0 {
-                    break;
+                // Where a vertex that was passed too early is opened, what the others get has changed.
+                while workspaces[m].lower(&self.spokes[block], &reached, limit) {
+                    reached = self.reach(&passing, block, &workspaces[m]);
                 }
             }
         }
+    }
+
+    #[inline(always)]
+    fn pass(&self, vertex: u32, workspace: &mut Workspace) -> Passing {
+        let from = &mut workspace.front[vertex as usize];
+        from.passed = from.distance;
+        Passing {
+            from: *from,
+            edge_offset: if self.bends[vertex as usize] {
+                from.distance
+            } else {
+                from.offset
+            },
+            first: self.starts[vertex as usize] as usize,
+            end: self.starts[vertex as usize + 1] as usize,
+        }
+    }
+
+    #[inline(always)]
+    fn reach(&self, passing: &Passing, block: usize, workspace: &Workspace) -> Reached {
+        let spokes = &self.spokes[block];
+        let mut fronts = [FAR; LANES];
+        for (front, &v) in fronts.iter_mut().zip(&spokes.vertex) {
+            *front = workspace.front[v as usize];
+        }
+        Reached::new(passing.from, passing.edge_offset, spokes, &fronts)
     }
 }
 
+/// A vertex that is being passed, and its blocks of spokes.
+#[derive(Debug, Clone, Copy)]
+struct Passing {
+    from: Front,
+    /// Offset of what goes along its edges.
+    edge_offset: f32,
+    first: usize,
+    end: usize,
+}
+
+impl Passing {
+    /// None, without blocks.
+    const NONE: Self = Self {
+        from: FAR,
+        edge_offset: 0.0,
+        first: 0,
+        end: 0,
+    };
+}
+
 /// What vertices at the other ends of spokes get from the end that they share.
+#[derive(Debug, Clone, Copy)]
 struct Reached {
     distance: [f32; LANES],
     offset: [f32; LANES],
@@ -344,6 +449,13 @@ struct Reached {
 }
 
 impl Reached {
+    const NOTHING: Self = Self {
+        distance: [0.0; LANES],
+        offset: [0.0; LANES],
+        lower: 0,
+        passed: 0,
+    };
+
     /// From the end `from`, which was passed last, by the edge, where `edge_offset` is the offset, or across an edge
     /// to another vertex that was passed.
     #[expect(

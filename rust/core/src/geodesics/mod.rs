@@ -53,18 +53,29 @@ pub fn distances_within(
     }
     let mut distances = Mat::<f32>::zeros(n, sources.len());
     distances
-        .par_col_iter_mut()
-        .zip(sources)
+        .par_col_chunks_mut(2)
+        .zip(sources.par_chunks(2))
         .try_for_each_init(
-            || Workspace::new(marching),
-            |workspace, (column, &source)| {
+            || [Workspace::new(marching), Workspace::new(marching)],
+            |workspaces, (columns, sources)| {
                 if cancelled() {
                     return Err(Error::Cancelled);
                 }
-                let column = column
-                    .try_as_col_major_mut()
-                    .expect("an owned matrix has contiguous columns");
-                marching.march_bounded(source, bound, workspace, column.as_slice_mut());
+                let mut columns = columns.col_iter_mut().map(|column| {
+                    let column = column.try_as_col_major_mut();
+                    column
+                        .expect("an owned matrix has contiguous columns")
+                        .as_slice_mut()
+                });
+                match (sources, columns.next(), columns.next()) {
+                    (&[one, two], Some(first), Some(second)) => {
+                        marching.march_two([one, two], bound, workspaces, [first, second]);
+                    }
+                    (&[one], Some(first), _) => {
+                        marching.march_bounded(one, bound, &mut workspaces[0], first);
+                    }
+                    _ => unreachable!("as many columns as sources"),
+                }
                 Ok(())
             },
         )?;
