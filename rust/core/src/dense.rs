@@ -3,21 +3,48 @@
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::solvers::Solve;
+use faer::traits::ComplexField;
 use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 
 use crate::error::{Error, Result};
+
+/// Writes or adds `factor`·A·B: every product of the core, since the library's own leaves the processor's wide
+/// registers in use.
+pub fn multiply<T: ComplexField>(
+    out: MatMut<'_, T>,
+    accum: Accum,
+    a: MatRef<'_, T>,
+    b: MatRef<'_, T>,
+    factor: T,
+) {
+    matmul(out, accum, a, b, factor, Par::Seq);
+    clear_wide_registers();
+}
+
+/// Tells the processor that the upper parts of wide registers hold nothing.
+///
+/// The library's products end without doing so. Everything that is not [`vectorised`] uses the narrow registers below,
+/// and would from then on keep what is above them at every operation, which made laying out a mesh take twice as long
+/// (Intel 64 and IA-32 Architectures Optimization Reference Manual, "Mixing AVX code with SSE code"). What itself
+/// is vectorised ends with it.
+pub fn clear_wide_registers() {
+    #[cfg(target_arch = "x86_64")]
+    if let Some(processor) = pulp::x86::V3::try_new() {
+        processor.avx._mm256_zeroupper();
+    }
+}
 
 /// A·B.
 #[must_use]
 pub fn product(a: MatRef<'_, f64>, b: MatRef<'_, f64>) -> Mat<f64> {
     let mut out = Mat::zeros(a.nrows(), b.ncols());
-    matmul(out.as_mut(), Accum::Replace, a, b, 1.0, Par::Seq);
+    multiply(out.as_mut(), Accum::Replace, a, b, 1.0);
     out
 }
 
 /// Adds A·B.
 pub fn add_product(out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>) {
-    matmul(out, Accum::Add, a, b, 1.0, Par::Seq);
+    multiply(out, Accum::Add, a, b, 1.0);
 }
 
 /// Right-hand sides from which on as many others are solved for beside them.
@@ -38,12 +65,17 @@ pub fn solve_with_ridge(
     let factor = gram.llt(Side::Lower).map_err(|e| Error::NotFactorised {
         reason: format!("least squares of size {}: {e:?}", gram.nrows()),
     })?;
+    let solve = |right: MatRef<'_, f64>| {
+        let found = factor.solve(right);
+        clear_wide_registers();
+        found
+    };
     let half = right.ncols() / 2;
     if half < COLUMNS_ASIDE {
-        return Ok(factor.solve(right));
+        return Ok(solve(right));
     }
     let (first, second) = right.split_at_col(half);
-    let (first, second) = rayon::join(|| factor.solve(first), || factor.solve(second));
+    let (first, second) = rayon::join(|| solve(first), || solve(second));
     Ok(faer::concat![[first, second]])
 }
 
@@ -135,14 +167,7 @@ fn squares_in_lanes(x: &[f32], y: &[f32]) -> f32 {
 #[must_use]
 pub fn sum_of_products(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f64> {
     let mut sum = Mat::<f32>::zeros(a.nrows(), b.nrows());
-    matmul(
-        sum.as_mut(),
-        Accum::Replace,
-        a,
-        b.transpose(),
-        1.0,
-        Par::Seq,
-    );
+    multiply(sum.as_mut(), Accum::Replace, a, b.transpose(), 1.0);
     Mat::from_fn(a.nrows(), b.nrows(), |i, j| f64::from(sum[(i, j)]))
 }
 
@@ -162,6 +187,7 @@ pub fn gram(a: MatRef<'_, f32>) -> Mat<f64> {
         1.0,
         Par::Seq,
     );
+    clear_wide_registers();
     Mat::from_fn(k, k, |i, j| f64::from(sum[(i, j)]))
 }
 
@@ -267,13 +293,12 @@ impl Rows {
     pub fn times(&self, matrix: MatRef<'_, f64>) -> Self {
         let mut out = Self::zeros(self.count(), matrix.ncols());
         let transposed = Self::from_matrix(matrix, matrix.ncols());
-        matmul(
+        multiply(
             out.as_columns_mut(),
             Accum::Replace,
             transposed.as_columns(),
             self.as_columns().subrows(0, matrix.nrows()),
             1.0,
-            Par::Seq,
         );
         out
     }

@@ -1,10 +1,9 @@
 //! Nearest neighbours in a feature space: all compared by matrix products, or cell by cell.
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatRef, Par};
+use faer::{Accum, Mat, MatRef};
 use rayon::prelude::*;
 
-use crate::dense::{COMPARED, Rows, squared_distance, vectorised};
+use crate::dense::{COMPARED, Rows, multiply, squared_distance, vectorised};
 use crate::error::Result;
 use crate::mesh::{self, Adjacency};
 use crate::progress::Check;
@@ -44,13 +43,12 @@ pub fn nearest(queries: &Rows, points: &Rows) -> Vec<u32> {
 fn scores(points: &Rows, block: &[f32]) -> Mat<f32> {
     let queries = MatRef::from_column_major_slice(block, points.dims, block.len() / points.dims);
     let mut scores = Mat::zeros(points.count(), queries.ncols());
-    matmul(
+    multiply(
         scores.as_mut(),
         Accum::Replace,
         points.as_columns().transpose(),
         queries,
         -1.0,
-        Par::Seq,
     );
     scores
 }

@@ -1,13 +1,13 @@
 //! Block Lanczos for the eigenpairs of `M = A^{1/2}(W − sA)⁻¹A^{1/2}` far from zero.
 
 use faer::Accum;
-use faer::linalg::matmul::matmul;
 use faer::prelude::*;
 
 use super::ROWS_A_PIECE;
 use super::orthogonal::{eigen, least_pivot, orthonormalise, remove};
 use super::shifted_factor::ShiftedFactor;
 use super::slices::Slice;
+use crate::dense::multiply;
 use crate::error::{Error, Result};
 
 /// Vectors multiplied at once: a row of four fills a vector register. At 5k vertices and k = 200 the space has 344, 400,
@@ -214,7 +214,7 @@ impl<'a> BlockLanczos<'a> {
         let (known, mut block) = (known.rb(), rest.subcols_mut(0, BLOCK));
         // Three-term recurrence first; `settle` then only removes what rounding left.
         if m > 0 {
-            matmul(
+            multiply(
                 block.rb_mut(),
                 Accum::Add,
                 known.subcols(1 + m - BLOCK, BLOCK),
@@ -222,7 +222,6 @@ impl<'a> BlockLanczos<'a> {
                     .submatrix(m, m - BLOCK, BLOCK, BLOCK)
                     .transpose(),
                 -1.0,
-                Par::Seq,
             );
         }
         let diagonal = remove(block.rb_mut(), known.subcols(1 + m, BLOCK));
@@ -316,13 +315,12 @@ impl<'a> BlockLanczos<'a> {
             }
             let rows = ROWS_A_PIECE.min(n - first);
             let mut piece = piece.subrows_mut(0, rows);
-            matmul(
+            multiply(
                 piece.rb_mut(),
                 Accum::Replace,
                 self.basis.submatrix(first, 1, rows, m + BLOCK),
-                &coefficients,
+                coefficients.as_ref(),
                 1.0,
-                Par::Seq,
             );
             self.basis
                 .submatrix_mut(first, 0, rows, order.len())

@@ -3,35 +3,32 @@
 use faer::dyn_stack::{MemBuffer, MemStack};
 use faer::linalg::cholesky::llt::factor::{cholesky_in_place, cholesky_in_place_scratch};
 use faer::linalg::evd::{ComputeEigenvectors, self_adjoint_evd, self_adjoint_evd_scratch};
-use faer::linalg::matmul::matmul;
 use faer::linalg::triangular_solve::solve_lower_triangular_in_place;
 use faer::prelude::*;
 use faer::{Accum, Spec};
 
 use super::ROWS_A_PIECE;
-use crate::dense::product;
+use crate::dense::{clear_wide_registers, multiply, product};
 use crate::error::{Error, Result};
 
 /// `X ← (I − QQᵀ)X`; returns `XᵀQ`.
 pub(super) fn remove(mut x: MatMut<'_, f64>, q: MatRef<'_, f64>) -> Mat<f64> {
     let mut products = Mat::zeros(x.ncols(), q.ncols());
-    matmul(
-        &mut products,
+    multiply(
+        products.as_mut(),
         Accum::Replace,
         x.rb().transpose(),
         q,
         1.0,
-        Par::Seq,
     );
     for first in (0..q.nrows()).step_by(ROWS_A_PIECE) {
         let rows = ROWS_A_PIECE.min(q.nrows() - first);
-        matmul(
+        multiply(
             x.rb_mut().subrows_mut(first, rows),
             Accum::Add,
             q.subrows(first, rows),
             products.transpose(),
             -1.0,
-            Par::Seq,
         );
     }
     products
@@ -42,7 +39,7 @@ pub(super) fn orthonormalise(mut x: MatMut<'_, f64>, known: MatRef<'_, f64>) -> 
     if let Some(first) = cholesky_qr(x.rb_mut())
         && let Some(second) = cholesky_qr(x.rb_mut())
     {
-        return second * first;
+        return product(second.as_ref(), first.as_ref());
     }
     // Columns nearly dependent: Householder reflections complete them to an orthonormal set,
     // which has to be made orthogonal to the basis again.
@@ -108,6 +105,7 @@ pub(super) fn eigen(matrix: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>)> {
         wanted: m,
         residual: f64::NAN,
     })?;
+    clear_wide_registers();
     Ok((values, vectors))
 }
 

@@ -12,7 +12,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Side, Spec};
 
 use super::substitution::Supernode;
-use crate::dense::vectorised;
+use crate::dense::{clear_wide_registers, vectorised};
 use crate::error::{Error, Result};
 use crate::laplacian::Laplacian;
 
@@ -94,6 +94,7 @@ impl<'a> Pattern<'a> {
                 Spec::default(),
             )
             .ok()?;
+        clear_wide_registers();
         let factor = ShiftedFactor {
             pattern: self,
             values,

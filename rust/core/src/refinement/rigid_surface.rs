@@ -15,6 +15,7 @@ use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 use rayon::prelude::*;
 
+use crate::dense::clear_wide_registers;
 use crate::edge_weights::EdgeWeights;
 use crate::error::{Error, Result};
 use crate::progress::Check;
@@ -112,6 +113,7 @@ impl RigidSurface {
                 .collect();
             let mut x = Mat::from_fn(n, 3, |i, c| balance[i][c]);
             factor.solve_in_place(&mut x);
+            clear_wide_registers();
             for (i, p) in self.positions.iter_mut().enumerate() {
                 *p = [0, 1, 2].map(|c| x[(i, c)]);
             }

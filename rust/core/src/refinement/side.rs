@@ -3,11 +3,10 @@
 
 use std::f64::consts::PI;
 
-use faer::linalg::matmul::matmul;
-use faer::{Accum, Mat, MatMut, MatRef, Par};
+use faer::{Accum, Mat, MatMut, MatRef};
 use rayon::prelude::*;
 
-use crate::dense::{self, COMPARED, Rows};
+use crate::dense::{self, COMPARED, Rows, multiply};
 use crate::error::Result;
 use crate::hints::Which;
 use crate::mesh::{self, Adjacency};
@@ -405,13 +404,12 @@ impl<'a> Side<'a> {
                     functions
                         .as_columns()
                         .submatrix(0, first, transposed.count(), count);
-                matmul(
+                multiply(
                     MatMut::from_column_major_slice_mut(rows, dims, count).subrows_mut(before, k),
                     Accum::Replace,
                     transposed.as_columns(),
                     of_block,
                     1.0,
-                    Par::Seq,
                 );
             }
             for (i, row) in (first..).zip(rows.chunks_exact_mut(dims)) {
