@@ -25,6 +25,9 @@ const ROUNDING: f32 = 1e-5;
 #[must_use]
 pub fn nearest(queries: &Rows, points: &Rows) -> Vec<u32> {
     debug_assert_eq!(queries.dims, points.dims);
+    if queries.data.is_empty() {
+        return Vec::new();
+    }
     let half_norms = half_norms(points);
     let blocks: Vec<Vec<u32>> = queries
         .data
@@ -54,8 +57,29 @@ fn scores(points: &Rows, block: &[f32]) -> Mat<f32> {
 }
 
 fn half_norms(points: &Rows) -> Vec<f32> {
-    let half_norm = |j: usize| points.row(j).iter().map(|x| x * x).sum::<f32>() / 2.0;
-    (0..points.count()).map(half_norm).collect()
+    vectorised(
+        #[inline(always)]
+        || {
+            let rows = points.data.chunks_exact(points.dims);
+            rows.map(|row| squares(row) / 2.0).collect()
+        },
+    )
+}
+
+/// Sum of squares.
+#[inline(always)]
+fn squares(row: &[f32]) -> f32 {
+    let mut lanes = [0.0; LANES];
+    let (whole, rest) = row.as_chunks::<LANES>();
+    for xs in whole {
+        for (lane, x) in lanes.iter_mut().zip(xs) {
+            *lane += x * x;
+        }
+    }
+    for (lane, x) in lanes.iter_mut().zip(rest) {
+        *lane += x * x;
+    }
+    lanes.iter().sum()
 }
 
 /// The vertices of a surface in cells, each of those nearest to one centre along the surface. In an embedding they
@@ -166,7 +190,7 @@ impl<'a> EmbeddedCells<'a> {
     /// room for a figure of each cell.
     #[inline(always)]
     fn nearest(&self, query: &[f32], scores: &[f32], nearer: &mut [f32]) -> Option<u32> {
-        let norm: f32 = query.iter().map(|x| x * x).sum();
+        let norm = squares(query);
         // None of a cell is nearer than its centre less its radius.
         let cells = scores.iter().zip(&self.half_norms).zip(&self.radii);
         for (nearer, ((score, half_norm), radius)) in nearer.iter_mut().zip(cells) {
