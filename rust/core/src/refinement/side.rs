@@ -36,7 +36,7 @@ impl Weights {
 
 /// Vertices of a whole shape that fits are made of: with those of the other some 21 equations for each of 150
 /// eigenfunctions. With all, or with 2,500, no error is smaller.
-const FITTING: usize = 1_600;
+const FITTING: usize = 1_280;
 
 /// Vertices whose rows are written at once, by one thread.
 const EMBEDDED_AT_ONCE: usize = 512;
