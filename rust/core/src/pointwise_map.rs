@@ -9,8 +9,8 @@ use crate::progress::Check;
 use crate::shape::Shape;
 use crate::vector::{self, Point};
 
-/// Triangles around the nearest vertex and this many of its nearest neighbours are tried.
-const NEIGHBOURS_TRIED: usize = 1;
+/// Room for the vertices or triangles around two neighbouring vertices.
+const AROUND_TWO: usize = 24;
 
 /// Triangles whose products one thread works out at once.
 const FACES_AT_ONCE: usize = 512;
@@ -60,11 +60,12 @@ impl<'a> EmbeddedTriangles<'a> {
             vectorised(
                 #[inline(always)]
                 || {
-                    let sides = |corners: &[u32; 3]| {
+                    let mut sides = Vec::with_capacity(faces.len());
+                    for corners in faces {
                         let [a, b, c] = corners.map(|v| rows.row(v as usize));
-                        [(b, b), (b, c), (c, c)].map(|(x, y)| product_from(a, x, y))
-                    };
-                    faces.iter().map(sides).collect::<Vec<_>>()
+                        sides.push(products_from(a, [(b, b), (b, c), (c, c)]));
+                    }
+                    sides
                 },
             )
         });
@@ -75,7 +76,7 @@ impl<'a> EmbeddedTriangles<'a> {
         }
     }
 
-    /// Nearest point of the triangles around a vertex and its nearest neighbours.
+    /// Nearest point of the triangles around a vertex and the nearest of its neighbours.
     #[must_use]
     pub fn nearest_around(&self, vertex: u32, query: &[f32]) -> SurfacePoint {
         vectorised(
@@ -86,36 +87,55 @@ impl<'a> EmbeddedTriangles<'a> {
 
     #[inline(always)]
     fn nearest_in_lanes(&self, vertex: u32, query: &[f32]) -> SurfacePoint {
-        let Self { shape, rows, .. } = self;
-        let squared_distance_to =
-            |v: u32| f64::from(squared_distance(query, rows.row(v as usize), f32::INFINITY));
-        let around = shape.neighbours.row(vertex as usize);
-        let mut known: Vec<(f64, u32)> = Vec::with_capacity(4 * around.len());
-        known.extend(around.iter().map(|&v| (squared_distance_to(v), v)));
-        known.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
-        let mut faces: Vec<u32> = known[..NEIGHBOURS_TRIED.min(known.len())]
-            .iter()
-            .flat_map(|&(_, v)| shape.vertex_faces.row(v as usize))
-            .chain(shape.vertex_faces.row(vertex as usize))
-            .copied()
-            .collect();
+        let shape = self.shape;
+        let mut distances = Distances {
+            query,
+            rows: self.rows,
+            known: Vec::with_capacity(AROUND_TWO),
+        };
+        let mut second = (f64::INFINITY, vertex);
+        for &v in shape.neighbours.row(vertex as usize) {
+            let distance = distances.to(v);
+            if distance < second.0 {
+                second = (distance, v);
+            }
+        }
+        let mut faces = Vec::with_capacity(AROUND_TWO);
+        for v in [second.1, vertex] {
+            faces.extend_from_slice(shape.vertex_faces.row(v as usize));
+        }
         faces.sort_unstable();
         faces.dedup();
-        known.push((squared_distance_to(vertex), vertex));
         let mut best = Closest::NONE;
         for face in faces {
-            let corners = shape.mesh.faces[face as usize];
-            let [a, b, c] = corners.map(|v| {
-                let found = known.iter().find(|&&(_, u)| u == v).map(|known| known.0);
-                found.unwrap_or_else(|| {
-                    let distance = squared_distance_to(v);
-                    known.push((distance, v));
-                    distance
-                })
-            });
+            let mut to = [0.0; 3];
+            for (to, v) in to.iter_mut().zip(shape.mesh.faces[face as usize]) {
+                *to = distances.to(v);
+            }
+            let [a, b, c] = to;
             best.try_triangle(face, self.sides[face as usize], [a, b - a, c - a]);
         }
         best.point
+    }
+}
+
+/// Squared distances of a query from vertices, each worked out once.
+struct Distances<'a> {
+    query: &'a [f32],
+    rows: &'a Rows,
+    known: Vec<(u32, f64)>,
+}
+
+impl Distances<'_> {
+    #[inline(always)]
+    fn to(&mut self, vertex: u32) -> f64 {
+        if let Some(&(_, distance)) = self.known.iter().find(|known| known.0 == vertex) {
+            return distance;
+        }
+        let row = self.rows.row(vertex as usize);
+        let distance = f64::from(squared_distance(self.query, row, f32::INFINITY));
+        self.known.push((vertex, distance));
+        distance
     }
 }
 
@@ -268,15 +288,13 @@ impl NearFaces {
         vertices.sort_unstable();
         vertices.dedup();
         let [t0, t1, t2] = corners;
-        let products = vertices
-            .iter()
-            .map(|&v| {
-                let row = rows.row(v as usize);
-                [(t1, row), (t2, row), (row, row)].map(|(x, y)| product_from(t0, x, y))
-            })
-            .collect();
+        let mut products = Vec::with_capacity(vertices.len());
+        for &v in &vertices {
+            let row = rows.row(v as usize);
+            products.push(products_from(t0, [(t1, row), (t2, row), (row, row)]));
+        }
         Self {
-            own: [(t1, t1), (t1, t2), (t2, t2)].map(|(x, y)| product_from(t0, x, y)),
+            own: products_from(t0, [(t1, t1), (t1, t2), (t2, t2)]),
             vertices,
             products,
             faces,
@@ -304,6 +322,16 @@ impl NearFaces {
         }
         best.point
     }
+}
+
+/// ⟨x − o, y − o⟩ of each pair. In a loop, since a closure would be compiled for narrow registers.
+#[inline(always)]
+fn products_from(o: &[f32], pairs: [(&[f32], &[f32]); 3]) -> [f64; 3] {
+    let mut products = [0.0; 3];
+    for (product, (x, y)) in products.iter_mut().zip(pairs) {
+        *product = product_from(o, x, y);
+    }
+    products
 }
 
 /// ⟨x − o, y − o⟩.
