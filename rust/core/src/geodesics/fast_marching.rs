@@ -95,7 +95,7 @@ pub struct FastMarching {
     mean_edge: f32,
 }
 
-/// Memory of one march, kept from source to source; one for each thread.
+/// Memory of one march, kept from source to source; one for each that runs at the same time.
 #[derive(Debug, Clone)]
 pub struct Workspace {
     front: Vec<Front>,
@@ -728,6 +728,26 @@ mod tests {
         // Single precision's rounding.
         assert!(out[0] == 0.0 && out[1..3].iter().all(|d| (d - 1.0).abs() < 1e-6));
         assert_eq!(out[3..], [f32::INFINITY; 4]);
+    }
+
+    #[test]
+    fn a_march_is_the_same_beside_another_that_ends_sooner() {
+        // Two separate strips of 60 and 4 triangles, and a vertex of none.
+        let strip = |count: u32, height: f64| {
+            (0..count + 2).map(move |i| [f64::from(i) / 2.0, f64::from(i % 2), height])
+        };
+        let mut vertices: Vec<Point> = strip(60, 0.0).chain(strip(4, 9.0)).collect();
+        vertices.push([-9.0; 3]);
+        let faces: Vec<[u32; 3]> = (0..60).chain(62..66).map(|i| [i, i + 1, i + 2]).collect();
+        let marching = FastMarching::from_triangles(&vertices, &faces);
+        let loose = vertices.len() as u32 - 1;
+        let mut workspaces = [Workspace::new(&marching), Workspace::new(&marching)];
+        for sources in [[20, 64], [64, 20], [loose, 0], [7, 7]] {
+            let mut beside = [vec![0.0; vertices.len()], vec![0.0; vertices.len()]];
+            let out = beside.each_mut().map(Vec::as_mut_slice);
+            marching.march_two(sources, f32::INFINITY, &mut workspaces, out);
+            assert_eq!(beside, sources.map(|s| marched(&vertices, &faces, s)));
+        }
     }
 
     #[test]
