@@ -92,6 +92,12 @@ impl Hints {
         })
     }
 
+    /// Whether nothing is known.
+    #[must_use]
+    pub fn are_none(&self) -> bool {
+        self.landmarks.is_empty() && !self.same_axes
+    }
+
     /// What draws the images of vertices together in the search, a column each, `(c, vertices)`.
     #[must_use]
     pub fn in_search(&self, which: Which, shape: &Shape, vertices: &[u32]) -> Mat<f32> {

@@ -6,6 +6,7 @@ pub mod bisection;
 pub mod bulging;
 pub mod closest;
 pub mod confidence;
+pub mod deformation;
 pub mod dense;
 pub mod descriptors;
 pub mod distance_operator;

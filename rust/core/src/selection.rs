@@ -63,16 +63,21 @@ const CURVATURE_FLOOR: f64 = 1e-5;
 const LOCAL: f64 = 0.35;
 
 /// A candidate after upsampling.
-#[derive(Debug)]
-pub struct Scored {
+struct Voter {
     /// `(60, 60)` map.
-    pub matrix: Mat<f64>,
-    /// Score Q, the smaller the better.
-    pub score: f64,
-    /// Orientation of the upsampled map.
-    pub orientation: f64,
+    matrix: Mat<f64>,
     /// How far the map contradicts what is known.
     contradiction: f64,
+}
+
+/// A candidate beside others.
+struct Scored {
+    voter: Voter,
+    /// Score Q, the smaller the better.
+    score: f64,
+    /// Orientation of the upsampled map.
+    orientation: f64,
+    /// Source vertices of the samples on which maps are judged.
     images: Vec<u32>,
 }
 
@@ -165,12 +170,9 @@ pub fn vote(
     candidates: &[Candidate],
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
-    let mut scored = scored(pair, candidates, report)?;
-    scored.sort_by(|a, b| a.score.total_cmp(&b.score));
-    let voters = different(pair, scored);
-    let mut judged: Vec<Hypothesis> = voters
+    let mut judged: Vec<Hypothesis> = voters(pair, candidates, report)?
         .par_iter()
-        .map(|s| judged(pair, s, &|| report(0.6)))
+        .map(|voter| judged(pair, voter, &|| report(0.6)))
         .collect::<Result<_>>()?;
     judged.sort_by(|a, b| a.figures.rank().total_cmp(&b.figures.rank()));
     let gain = mirrored_gain(candidates);
@@ -197,11 +199,12 @@ fn mirrored_gain(candidates: &[Candidate]) -> f64 {
     }
 }
 
-fn scored(
+/// The best candidates that differ from one another, upsampled.
+fn voters(
     pair: &Pair<'_>,
     candidates: &[Candidate],
     report: &(dyn Fn(f64) -> Result<()> + Sync),
-) -> Result<Vec<Scored>> {
+) -> Result<Vec<Voter>> {
     let mut oriented: Vec<&Candidate> = candidates
         .iter()
         .filter(|c| pair.mirror == Mirror::Allow || c.orientation >= MIRRORED)
@@ -214,18 +217,28 @@ fn scored(
         });
     };
     oriented.retain(|c| c.rank <= bound);
-    oriented
+    let upsampled = |candidate: &Candidate| {
+        report(0.2)?;
+        if pair.uses(Part::Upsampling) {
+            upsampling::upsampled(pair, candidate)
+        } else {
+            Ok(candidate.matrix.clone())
+        }
+    };
+    if let [alone] = oriented[..]
+        && pair.hints.are_none()
+    {
+        return Ok(vec![Voter {
+            matrix: upsampled(alone)?,
+            contradiction: 0.0,
+        }]);
+    }
+    let mut scored: Vec<Scored> = oriented
         .par_iter()
-        .map(|c| {
-            report(0.2)?;
-            let matrix = if pair.uses(Part::Upsampling) {
-                upsampling::upsampled(pair, c)?
-            } else {
-                c.matrix.clone()
-            };
-            score(pair, matrix, c.energy, &|| report(0.2))
-        })
-        .collect()
+        .map(|c| score(pair, upsampled(c)?, c.energy, &|| report(0.2)))
+        .collect::<Result<_>>()?;
+    scored.sort_by(|a, b| a.score.total_cmp(&b.score));
+    Ok(different(pair, scored))
 }
 
 /// Q = e₂₄ · ē · (1.2 − o) · ‖Λ₂C − CΛ₁‖/‖Λ₁‖, raised by missed landmarks.
@@ -275,10 +288,12 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64, check: Check<'_>) -> Re
     let found = landmark_images(pair, &rows_t, &rows_s);
     let contradiction = missed_landmarks(pair, &found) + off_axes(pair, &images);
     Ok(Scored {
-        matrix,
+        voter: Voter {
+            matrix,
+            contradiction,
+        },
         score: energy * distortion * (ORIENTATION_OFFSET.0 - o) * ell * (1.0 + contradiction),
         orientation: o,
-        contradiction,
         images,
     })
 }
@@ -371,7 +386,7 @@ fn off_symmetry(pair: &Pair<'_>, images: &[u32]) -> f64 {
 }
 
 /// The best candidates that differ from one another.
-fn different(pair: &Pair<'_>, scored: Vec<Scored>) -> Vec<Scored> {
+fn different(pair: &Pair<'_>, scored: Vec<Scored>) -> Vec<Voter> {
     let source = pair.source;
     let witnesses = source.farthest_points(WITNESSES);
     let mut chosen: Vec<(Scored, Mat<f64>)> = Vec::new();
@@ -399,7 +414,7 @@ fn different(pair: &Pair<'_>, scored: Vec<Scored>) -> Vec<Scored> {
         rest.truncate(1);
         voters = rest;
     }
-    voters
+    voters.into_iter().map(|scored| scored.voter).collect()
 }
 
 /// Short refinement, then the figures by which candidates are ordered.
@@ -407,7 +422,7 @@ fn different(pair: &Pair<'_>, scored: Vec<Scored>) -> Vec<Scored> {
 /// Landmarks do not guide it: what a candidate makes of them by itself tells which one is right.
 fn judged(
     pair: &Pair<'_>,
-    scored: &Scored,
+    voter: &Voter,
     check: &(dyn Fn() -> Result<()> + Sync),
 ) -> Result<Hypothesis> {
     let unguided = Pair {
@@ -416,14 +431,14 @@ fn judged(
     };
     let state = embedded_surface::refined(
         &unguided,
-        scored.matrix.as_ref(),
+        voter.matrix.as_ref(),
         None,
         embedded_surface::SHORT,
         &|_| check(),
     )?;
     let images = sampled_images(&state);
-    let mut figures = figures(pair, scored.matrix.as_ref(), &images);
-    figures.contradiction = scored.contradiction + off_symmetry(pair, of_judged(&images[0]));
+    let mut figures = figures(pair, voter.matrix.as_ref(), &images);
+    figures.contradiction = voter.contradiction + off_symmetry(pair, of_judged(&images[0]));
     Ok(Hypothesis {
         matrix: state.low_map(REFINED_SIZE)?,
         figures,

@@ -226,9 +226,11 @@ fn prepare(
     let (vertices, faces) = (triples(&vertices)?, triples(&faces)?);
     let metric = metric_named(metric)?;
     let shape = watched(py, progress, threads, move |state| {
-        Shape::with_metric(&vertices, &faces, metric, state, &|stage, f| {
+        let shape = Shape::with_metric(&vertices, &faces, metric, state, &|stage, f| {
             state.enter(stage, f)
-        })
+        })?;
+        shape.complete()?;
+        Ok(shape)
     })?;
     Ok(PreparedShape {
         shape: Arc::new(shape),

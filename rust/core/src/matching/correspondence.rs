@@ -191,26 +191,28 @@ fn functional_map(
 ) -> Result<Mat<f64>> {
     let k = |s: &Shape| FUNCTIONAL_MAP_SIZE.min(s.basis.values.len());
     let (kt, ks) = (k(target), k(source));
-    let rows = |basis: MatRef<'_, f64>, weights: &[f64], ids: Option<&[u32]>, count: usize| {
-        let roots: Vec<f64> = weights.iter().map(|w| w.sqrt()).collect();
-        Mat::from_fn(count, basis.ncols(), |i, j| {
-            let id = ids.map_or(i, |ids| ids[i] as usize);
-            roots[i] * basis[(id, j)]
-        })
+    let (on_target_shape, on_source_shape) = (target.functions(kt), source.functions(ks));
+    // A Φ at the images, and Φ there.
+    let weighted = |basis: MatRef<'_, f64>, ids: &[u32], mass: &[f64]| {
+        let at_images = dense::gather_rows(basis, ids, basis.ncols());
+        let weighted = Mat::from_fn(ids.len(), basis.ncols(), |i, j| mass[i] * at_images[(i, j)]);
+        (weighted, at_images)
     };
-    let (nt, ns) = (on_source.len(), on_target.len());
-    let own = rows(target.functions(kt), &target.mass, None, nt);
-    let own_values = rows(source.functions(ks), &target.mass, Some(on_source), nt);
-    let other = rows(target.functions(kt), &source.mass, Some(on_target), ns);
-    let other_values = rows(source.functions(ks), &source.mass, None, ns);
+    let (carried, _) = weighted(on_source_shape, on_source, &target.mass);
+    check()?;
+    let (weighted_back, carried_back) = weighted(on_target_shape, on_target, &source.mass);
     check()?;
     // ΦₜᵀAₜΦₜ = I.
     let mut gram = Mat::identity(kt, kt);
-    dense::add_product(gram.as_mut(), other.transpose(), other.as_ref());
+    dense::add_product(
+        gram.as_mut(),
+        carried_back.transpose(),
+        weighted_back.as_ref(),
+    );
     check()?;
-    let mut right = dense::product(own.transpose(), own_values.as_ref());
+    let mut right = dense::product(on_target_shape.transpose(), carried.as_ref());
     check()?;
-    dense::add_product(right.as_mut(), other.transpose(), other_values.as_ref());
+    dense::add_product(right.as_mut(), weighted_back.transpose(), on_source_shape);
     solved_functional_map(target.unit / source.unit, gram, right.as_ref())
 }
 

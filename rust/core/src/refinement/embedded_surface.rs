@@ -15,6 +15,8 @@
 use faer::{Mat, MatRef};
 use rayon::prelude::*;
 
+use crate::deformation::piecewise_affine::{PiecewiseAffine, Pull};
+use crate::deformation::rigid_surface::RigidSurface;
 use crate::dense::{self, Rows};
 use crate::error::Result;
 use crate::hints::Which;
@@ -25,11 +27,9 @@ use crate::progress::Check;
 use crate::refinement::coinciding::{COINCIDENT, Coinciding, STRAY, coinciding};
 use crate::refinement::covered::Piece;
 use crate::refinement::parts::{self, Foot};
-use crate::refinement::piecewise_affine::{PiecewiseAffine, Pull};
 use crate::refinement::propagation::Images;
 use crate::refinement::regions;
 use crate::refinement::relative_length::relative_length;
-use crate::refinement::rigid_surface::RigidSurface;
 use crate::refinement::side::{Side, Weights};
 use crate::shape::Shape;
 use crate::similarity::Similarity;
@@ -90,8 +90,6 @@ const SLID: f64 = 0.03;
 /// Steps with the whole surface where it slid to, in other poses: without them errors are a twentieth larger, and rise
 /// where nothing has to slide.
 const STEPS_AFTER_SLIDING: usize = 2;
-/// Nodes of maps that are affine on each part, some ten on a limb; with 200 and 500 errors change by up to 7 %.
-const NODES: usize = 300;
 /// Times that coinciding surfaces are moved onto each other.
 const MOVES: usize = 6;
 /// Ridge of the displacement fit, relative to Λ/λ₂₀.
@@ -162,10 +160,10 @@ pub const OF_PART: Schedule = Schedule {
     ..SHORT
 };
 
-/// The moving surface as the last steps deform it: what does not depend on the map.
-struct Deformable {
-    rigid: RigidSurface,
-    sliding: Option<PiecewiseAffine>,
+/// The moving surface at rest, before the last steps deform it.
+struct AtRest<'a> {
+    rigid: RigidSurface<'a>,
+    sliding: Option<PiecewiseAffine<'a>>,
 }
 
 /// Where a refinement stands.
@@ -254,23 +252,18 @@ pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a
     Ok(Some((pair, state)))
 }
 
-impl Deformable {
+impl<'a> AtRest<'a> {
     /// Of a shape that is moved along another, so many units of whose length one of its own is.
-    fn new(moving: &Shape, lengths: f64, slides: bool) -> Result<Self> {
-        let mesh = &moving.mesh;
-        let rest = mesh.vertices.iter().map(|&p| vector::scaled(p, lengths));
-        let (rigid, sliding) = rayon::join(
-            || RigidSurface::new(rest.collect(), &mesh.faces),
-            || {
-                let nodes = moving.farthest_points(NODES);
-                slides
-                    .then(|| PiecewiseAffine::new(&mesh.vertices, &moving.neighbours, nodes))
-                    .transpose()
-            },
+    fn new(moving: &'a Shape, lengths: f64, slides: bool) -> Result<Self> {
+        let (rigidity, parts) = rayon::join(
+            || moving.rigidity(),
+            || slides.then(|| moving.parts()).transpose(),
         );
+        let rest = moving.mesh.vertices.iter();
+        let rest = rest.map(|&p| vector::scaled(p, lengths)).collect();
         Ok(Self {
-            rigid: rigid?,
-            sliding: sliding?,
+            rigid: RigidSurface::new(rigidity?, rest),
+            sliding: parts?.map(PiecewiseAffine::new),
         })
     }
 }
@@ -418,10 +411,10 @@ impl<'a> Refined<'a> {
                     report((before + step) as f64 / steps)
                 })
             },
-            || settles.then(|| Deformable::new(moving, lengths, slides)),
+            || settles.then(|| AtRest::new(moving, lengths, slides)),
         );
         climbed?;
-        if let Some(Deformable { rigid, sliding }) = surface.transpose()? {
+        if let Some(AtRest { rigid, sliding }) = surface.transpose()? {
             self.settle_whole_surface(rigid, schedule.rigid_sizes, &|step| {
                 report((before + schedule.sizes.len() + step) as f64 / steps)
             })?;
@@ -630,7 +623,7 @@ impl<'a> Refined<'a> {
     /// possible, and takes the place of the low-passed surface in the embedding.
     fn settle_whole_surface(
         &mut self,
-        mut surface: RigidSurface,
+        mut surface: RigidSurface<'_>,
         sizes: &[usize],
         report: &(dyn Fn(usize) -> Result<()> + Sync),
     ) -> Result<()> {
@@ -661,7 +654,7 @@ impl<'a> Refined<'a> {
     /// The moving surface [slides](Self::slide) along the other. Between bodies of different build in one pose this is the
     /// last word. In other poses spectrum and looks have it, and nothing changes where edges would be stretched much more
     /// than before.
-    fn settle_parts(&mut self, surface: PiecewiseAffine, check: Check<'_>) -> Result<()> {
+    fn settle_parts(&mut self, surface: PiecewiseAffine<'_>, check: Check<'_>) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
         let matched: Vec<(Point, Point, f64)> = (self.moving.images.vertex.iter().enumerate())
             .map(|(v, &image)| {
@@ -698,7 +691,7 @@ impl<'a> Refined<'a> {
     /// planes at its images, along which it slides.
     fn slide(
         &mut self,
-        mut surface: PiecewiseAffine,
+        mut surface: PiecewiseAffine<'_>,
         whole_still: MatRef<'_, f64>,
         check: Check<'_>,
     ) -> Result<()> {

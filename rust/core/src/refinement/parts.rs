@@ -12,8 +12,8 @@
 use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
+use crate::deformation::piecewise_affine::Pull;
 use crate::pointwise_map::SurfacePoint;
-use crate::refinement::piecewise_affine::Pull;
 use crate::shape::Shape;
 use crate::vector::{self, Point};
 

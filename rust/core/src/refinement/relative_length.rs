@@ -22,14 +22,19 @@ const EQUAL_FROM: f64 = 0.95;
 pub fn relative_length(pair: &Pair<'_>, on_source: &[u32], on_target: &[u32]) -> f64 {
     let by_target = || median_growth(pair.target, pair.source, on_source);
     let by_source = || 1.0 / median_growth(pair.source, pair.target, on_target);
+    let (target_is_open, source_is_open) = (pair.target.mesh.is_open(), pair.source.mesh.is_open());
+    if !target_is_open && !source_is_open {
+        return 1.0;
+    }
     let length = match pair.shares {
         Shares::TARGET_IS_PART => by_target(),
         Shares::SOURCE_IS_PART => by_source(),
-        _ => (by_target() * by_source()).sqrt(),
+        _ => {
+            let (by_target, by_source) = rayon::join(by_target, by_source);
+            (by_target * by_source).sqrt()
+        }
     };
-    if (length < EQUAL_FROM && pair.target.mesh.is_open())
-        || (length > 1.0 / EQUAL_FROM && pair.source.mesh.is_open())
-    {
+    if (length < EQUAL_FROM && target_is_open) || (length > 1.0 / EQUAL_FROM && source_is_open) {
         length
     } else {
         1.0

@@ -379,7 +379,9 @@ impl<'a> Side<'a> {
         let normals = mesh::normals_of(&positions, &self.shape.mesh.faces);
         let sign = weights.normals * self.shape.volume_sign;
         let looks = self.shape.descriptors.detail.ncols();
-        let before = 6 + self.fixed.ncols();
+        // What has no weight is left out.
+        let first_fixed = if weights.looks > 0.0 { 0 } else { looks };
+        let before = 6 + self.fixed.ncols() - first_fixed;
         let spectrum = before..before + k;
         let functions = &self.shape.rows;
         // Rows have no padding, of which products would read what is left there: see `Rows::times`.
@@ -417,7 +419,7 @@ impl<'a> Side<'a> {
                     row[c] = (shown * weights.positions * positions[i][c]) as f32;
                     row[3 + c] = (shown * sign * normals[i][c]) as f32;
                 }
-                for (c, out) in row[6..before].iter_mut().enumerate() {
+                for (c, out) in (first_fixed..).zip(&mut row[6..before]) {
                     let weight = if c < looks { weights.looks } else { 1.0 };
                     *out = weight * fixed[(i, c)];
                 }

@@ -24,10 +24,10 @@ use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, SymmetricOrdering, factorize_symbolic_cholesky,
 };
 
+use crate::deformation::block_equations::{Block, BlockEquations, PARTS, Section, parts};
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::progress::Check;
-use crate::refinement::block_equations::{Block, BlockEquations, PARTS, Section, parts};
 use crate::vector::{self, Point};
 
 /// Nodes that carry a vertex: with four the matrix has a third more entries, and errors are the same.
@@ -46,6 +46,7 @@ const LEAST_PULL: f64 = 1e-10;
 pub type Pull = ([Point; 3], Point);
 
 /// A vertex.
+#[derive(Debug)]
 struct Carried {
     vertex: u32,
     /// Nodes that carry it, the last first, with ω(p − g) and ω.
@@ -61,23 +62,29 @@ impl Carried {
     }
 }
 
-/// A surface on its way to given places.
-pub struct PiecewiseAffine {
+/// Which nodes carry a surface, and how its equations are solved: what depends on its shape alone.
+#[derive(Debug)]
+pub struct Parts {
     /// The vertices, those whose first node is in one part of the equations and of these those that the same nodes carry
     /// one after the other, so that their equations stay in the cache.
     carried: Vec<Carried>,
     nodes: Vec<Point>,
     /// Neighbouring nodes, the last first, and the numbers of their three blocks.
     links: Vec<([u32; 2], [u32; 3])>,
-    /// Weight of each link by what it came to in the last round.
-    held: Vec<f64>,
     /// Distance between nodes.
     spacing: f64,
     equations: BlockEquations,
 }
 
-impl PiecewiseAffine {
-    /// A surface at rest with nodes at these vertices.
+/// A surface on its way to given places.
+pub struct PiecewiseAffine<'a> {
+    parts: &'a Parts,
+    /// Weight of each link by what it came to in the last round.
+    held: Vec<f64>,
+}
+
+impl Parts {
+    /// Of a surface at rest with nodes at these vertices.
     ///
     /// # Errors
     /// [`Error::NotFactorised`].
@@ -128,13 +135,23 @@ impl PiecewiseAffine {
             })
             .collect();
         Ok(Self {
-            held: vec![1.0; links.len()],
             carried,
             nodes,
             links,
             spacing,
             equations,
         })
+    }
+}
+
+impl<'a> PiecewiseAffine<'a> {
+    /// A surface at rest.
+    #[must_use]
+    pub fn new(parts: &'a Parts) -> Self {
+        Self {
+            held: vec![1.0; parts.links.len()],
+            parts,
+        }
     }
 
     /// Where the vertices come to lie, drawn by these pulls.
@@ -143,7 +160,14 @@ impl PiecewiseAffine {
     /// [`Error::NotFactorised`], [`Error::Cancelled`].
     pub fn drawn_to(&mut self, pulls: &[Pull], check: Check<'_>) -> Result<Vec<Point>> {
         check()?;
-        let found = self.equations.solve(
+        let Parts {
+            carried,
+            nodes,
+            links,
+            spacing,
+            equations,
+        } = self.parts;
+        let found = equations.solve(
             #[inline(always)]
             |part, section| self.add_equations(pulls, part, section),
         )?;
@@ -151,8 +175,8 @@ impl PiecewiseAffine {
             .iter()
             .map(|found| [0, 1, 2].map(|c| [0, 1, 2, 3].map(|a| found[4 * c + a])))
             .collect();
-        for (held, &(link, _)) in self.held.iter_mut().zip(&self.links) {
-            let rows = link_rows(&self.nodes, link, self.spacing);
+        for (held, &(link, _)) in self.held.iter_mut().zip(links) {
+            let rows = link_rows(nodes, link, *spacing);
             let change: f64 = rows
                 .iter()
                 .flat_map(|row| {
@@ -161,11 +185,11 @@ impl PiecewiseAffine {
                 })
                 .map(|change| change * change)
                 .sum();
-            let small = SMALL_CHANGE * self.spacing;
+            let small = SMALL_CHANGE * spacing;
             *held = small / (change + small * small).sqrt();
         }
-        let mut places = vec![[0.0; 3]; self.carried.len()];
-        for Carried { vertex, by, .. } in &self.carried {
+        let mut places = vec![[0.0; 3]; carried.len()];
+        for Carried { vertex, by, .. } in carried {
             places[*vertex as usize] = [0, 1, 2].map(|c| {
                 let parts = by
                     .iter()
@@ -180,10 +204,17 @@ impl PiecewiseAffine {
     /// entry of t.
     #[inline(always)]
     fn add_equations(&self, pulls: &[Pull], part: usize, section: &mut Section) {
-        let of_part = |node: u32| self.equations.part(node);
-        let from = (self.carried).partition_point(|carried| of_part(carried.first_node()) < part);
-        let to = (self.carried).partition_point(|carried| of_part(carried.first_node()) <= part);
-        for carried in &self.carried[from..to] {
+        let Parts {
+            carried,
+            nodes,
+            links,
+            spacing,
+            equations,
+        } = self.parts;
+        let of_part = |node: u32| equations.part(node);
+        let from = carried.partition_point(|carried| of_part(carried.first_node()) < part);
+        let to = carried.partition_point(|carried| of_part(carried.first_node()) <= part);
+        for carried in &carried[from..to] {
             let (m, moment) = &pulls[carried.vertex as usize];
             let mut numbers = carried.blocks.iter();
             for (i, (node, own)) in carried.by.iter().enumerate() {
@@ -198,20 +229,20 @@ impl PiecewiseAffine {
                 }
             }
         }
-        for (&(link, [first, between, second]), held) in self.links.iter().zip(&self.held) {
+        for (&(link, [first, between, second]), held) in links.iter().zip(&self.held) {
             if of_part(link[1]) != part {
                 continue;
             }
             let weight = SMOOTHNESS * held;
             let m = [[weight, 0.0, 0.0], [0.0, weight, 0.0], [0.0, 0.0, weight]];
-            for [a, b] in link_rows(&self.nodes, link, self.spacing) {
+            for [a, b] in link_rows(nodes, link, *spacing) {
                 add(section.block(first), &a, &m, &a);
                 add(section.block(between), &b, &m, &a);
                 add(section.block(second), &b, &m, &b);
             }
         }
-        for node in (0..self.nodes.len() as u32).filter(|&node| of_part(node) == part) {
-            let own = section.block(self.equations.block(node, node));
+        for node in (0..nodes.len() as u32).filter(|&node| of_part(node) == part) {
+            let own = section.block(equations.block(node, node));
             for (m, row) in own.iter_mut().enumerate() {
                 row[m] += LEAST_PULL;
             }
@@ -399,10 +430,9 @@ mod tests {
         (m, vector::scaled(place, weight))
     }
 
-    fn surface(shape: &Shape) -> PiecewiseAffine {
-        let mesh = &shape.mesh;
+    fn parts(shape: &Shape) -> Parts {
         let nodes = shape.farthest_points(60);
-        PiecewiseAffine::new(&mesh.vertices, &shape.neighbours, nodes).expect("a pattern")
+        Parts::new(&shape.mesh.vertices, &shape.neighbours, nodes).expect("a pattern")
     }
 
     #[test]
@@ -414,7 +444,7 @@ mod tests {
             .zip(&shape.mesh.vertices)
             .map(|(v, &p)| towards(stretched(p), if v % 7 == 0 { 1e-3 } else { 0.0 }))
             .collect();
-        let found = surface(&shape)
+        let found = PiecewiseAffine::new(&parts(&shape))
             .drawn_to(&pulls, &|| Ok(()))
             .expect("regular");
         for (&p, q) in shape.mesh.vertices.iter().zip(found) {
@@ -433,7 +463,8 @@ mod tests {
             .zip(&shape.mesh.vertices)
             .map(|(a, &p)| towards(bent(p), 0.02 * a))
             .collect();
-        let mut surface = surface(&shape);
+        let parts = parts(&shape);
+        let mut surface = PiecewiseAffine::new(&parts);
         let mut off = || {
             let found = surface.drawn_to(&pulls, &|| Ok(())).expect("regular");
             let places = shape.mesh.vertices.iter().zip(found);

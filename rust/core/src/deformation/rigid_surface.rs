@@ -34,51 +34,74 @@ const LEAST_PULL: f64 = 1e-9;
 /// Columns of a rotation.
 type Rotation = [Point; 3];
 
-/// A surface on its way to given points.
-pub struct RigidSurface {
-    rest: Vec<Point>,
+/// What holds a surface together: what depends on its shape alone, in any unit of length.
+#[derive(Debug)]
+pub struct Rigidity {
     edges: EdgeWeights,
-    /// Lower half of μW + diag(w) with the last pulls, the diagonal first in each column.
+    /// Lower half of μW, the diagonal first in each column.
     matrix: SparseColMat<usize, f64>,
-    /// Its diagonal without pulls.
-    stiffness: Vec<f64>,
     symbolic: SymbolicLlt<usize>,
+}
+
+/// A surface on its way to given points.
+pub struct RigidSurface<'a> {
+    rigidity: &'a Rigidity,
+    rest: Vec<Point>,
     rotations: Vec<Rotation>,
     /// Where the vertices are.
     pub positions: Vec<Point>,
 }
 
-impl RigidSurface {
-    /// A surface at rest, from where its positions may be set to what a rotation makes of them.
+impl Rigidity {
+    /// Of a surface at rest.
     ///
     /// # Errors
     /// [`Error::NotFactorised`].
-    pub fn new(rest: Vec<Point>, triangles: &[[u32; 3]]) -> Result<Self> {
-        let (n, edges) = (rest.len(), EdgeWeights::new(&rest, triangles));
-        let mut stiffness = vec![0.0; n];
+    pub fn new(rest: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
+        let (n, edges) = (rest.len(), EdgeWeights::new(rest, triangles));
         let mut entries = Vec::with_capacity(n + edges.weights.len() / 2);
-        for (i, diagonal) in stiffness.iter_mut().enumerate() {
+        for i in 0..n {
+            let mut diagonal = 0.0;
             for (j, w) in edges.row(i) {
-                *diagonal += RIGIDITY * w;
+                diagonal += RIGIDITY * w;
                 if (j as usize) < i {
                     entries.push(Triplet::new(i, j as usize, -RIGIDITY * w));
                 }
             }
-            entries.push(Triplet::new(i, i, *diagonal));
+            entries.push(Triplet::new(i, i, diagonal));
         }
         let matrix =
             SparseColMat::try_new_from_triplets(n, n, &entries).map_err(Error::not_factorised)?;
         let symbolic =
             SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(Error::not_factorised)?;
         Ok(Self {
-            matrix,
-            stiffness,
-            symbolic,
-            rotations: vec![[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]; n],
             edges,
+            matrix,
+            symbolic,
+        })
+    }
+
+    /// Factor of μW + diag(w).
+    fn factor(&self, pulls: &[(f64, Point)]) -> Result<Llt<usize, f64>> {
+        let mut matrix = self.matrix.clone();
+        for (j, pull) in pulls.iter().enumerate() {
+            matrix.val_of_col_mut(j)[0] += pull.0.max(LEAST_PULL);
+        }
+        Llt::try_new_with_symbolic(self.symbolic.clone(), matrix.as_ref(), Side::Lower)
+            .map_err(Error::not_factorised)
+    }
+}
+
+impl<'a> RigidSurface<'a> {
+    /// A surface at rest, from where its positions may be set to what a rotation makes of them; `rest` in any unit.
+    #[must_use]
+    pub fn new(rigidity: &'a Rigidity, rest: Vec<Point>) -> Self {
+        Self {
+            rigidity,
+            rotations: vec![[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]; rest.len()],
             positions: rest.clone(),
             rest,
-        })
+        }
     }
 
     /// Moves towards Σ wᵢyᵢ / Σ wᵢ of each vertex: `pulls` are `[Σ w, Σ w y]`, `(n)`.
@@ -87,7 +110,7 @@ impl RigidSurface {
     /// [`Error::NotFactorised`], [`Error::Cancelled`].
     pub fn drawn_to(&mut self, pulls: &[(f64, Point)], check: Check<'_>) -> Result<()> {
         check()?;
-        let factor = self.factor(pulls)?;
+        let (edges, factor) = (&self.rigidity.edges, self.rigidity.factor(pulls)?);
         let n = self.rest.len();
         for _ in 0..ROUNDS {
             check()?;
@@ -98,17 +121,13 @@ impl RigidSurface {
                     let (weight, sum) = pulls[i];
                     let own =
                         vector::scaled(self.positions[i], LEAST_PULL - weight.min(LEAST_PULL));
-                    self.edges
-                        .row(i)
-                        .fold(vector::add(sum, own), |sum, (j, w)| {
-                            let edge = vector::sub(self.rest[i], self.rest[j as usize]);
-                            let here = turned(&self.rotations[i], edge);
-                            let there = turned(&self.rotations[j as usize], edge);
-                            vector::add(
-                                sum,
-                                vector::scaled(vector::add(here, there), 0.5 * RIGIDITY * w),
-                            )
-                        })
+                    edges.row(i).fold(vector::add(sum, own), |sum, (j, w)| {
+                        let edge = vector::sub(self.rest[i], self.rest[j as usize]);
+                        let here = turned(&self.rotations[i], edge);
+                        let there = turned(&self.rotations[j as usize], edge);
+                        let both = vector::add(here, there);
+                        vector::add(sum, vector::scaled(both, 0.5 * RIGIDITY * w))
+                    })
                 })
                 .collect();
             let mut x = Mat::from_fn(n, 3, |i, c| balance[i][c]);
@@ -121,23 +140,13 @@ impl RigidSurface {
         Ok(())
     }
 
-    /// Factor of μW + diag(w).
-    fn factor(&mut self, pulls: &[(f64, Point)]) -> Result<Llt<usize, f64>> {
-        for (j, (pull, stiffness)) in pulls.iter().zip(&self.stiffness).enumerate() {
-            self.matrix.val_of_col_mut(j)[0] = stiffness + pull.0.max(LEAST_PULL);
-        }
-        Llt::try_new_with_symbolic(self.symbolic.clone(), self.matrix.as_ref(), Side::Lower)
-            .map_err(Error::not_factorised)
-    }
-
     /// The rotation around each vertex that fits its edges best.
     fn turn(&mut self) {
         let Self {
             rest,
-            edges,
+            rigidity: Rigidity { edges, .. },
             rotations,
             positions,
-            ..
         } = self;
         rotations
             .par_iter_mut()
@@ -241,7 +250,8 @@ mod tests {
     fn three_drawn_vertices_move_a_rigid_surface_as_a_whole() {
         let (rest, triangles) = strip();
         let there: Vec<Point> = rest.iter().map(|&p| moved(p)).collect();
-        let mut surface = RigidSurface::new(rest.clone(), &triangles).expect("a pattern");
+        let rigidity = Rigidity::new(&rest, &triangles).expect("a pattern");
+        let mut surface = RigidSurface::new(&rigidity, rest.clone());
         surface.positions.clone_from(&there);
         let pulls: Vec<(f64, Point)> = (0..rest.len())
             .map(|i| {
@@ -297,7 +307,8 @@ mod tests {
             .enumerate()
             .map(|(i, p)| vector::add(*p, [0.0, 0.05 * (i as f64 * 2.4).sin(), 0.0]))
             .collect();
-        let mut surface = RigidSurface::new(rest.clone(), &triangles).expect("a pattern");
+        let rigidity = Rigidity::new(&rest, &triangles).expect("a pattern");
+        let mut surface = RigidSurface::new(&rigidity, rest.clone());
         surface.positions.clone_from(&noisy);
         // Weak against the rigidity.
         let pulls: Vec<(f64, Point)> = noisy

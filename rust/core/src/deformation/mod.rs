@@ -1,0 +1,5 @@
+//! How a surface deforms when it is drawn onto another.
+
+mod block_equations;
+pub mod piecewise_affine;
+pub mod rigid_surface;
