@@ -589,12 +589,20 @@ pub fn figures(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &[Vec<u32>; 2])
         } else {
             0.0
         },
-        agreement: pair.shares.mean(
-            curvature_agreement(target, judging(target), source, on_source),
-            curvature_agreement(source, judging(source), target, on_target),
-        ),
+        agreement: agreement(pair, images),
         ..Figures::default()
     }
+}
+
+/// How well the curvatures of both shapes [agree](Figures::agreement), given the images of their farthest-point samples.
+#[must_use]
+pub fn agreement(pair: &Pair<'_>, images: &[Vec<u32>; 2]) -> f64 {
+    let (target, source) = (pair.target, pair.source);
+    let [on_source, on_target] = images.each_ref().map(|images| of_judged(images));
+    pair.shares.mean(
+        curvature_agreement(target, judging(target), source, on_source),
+        curvature_agreement(source, judging(source), target, on_target),
+    )
 }
 
 /// Mean correlation over the smoothing scales between one shape's curvature at some vertices and the

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use rayon::prelude::*;
 
 use super::Correspondence;
-use super::completed::{Completed, completed_and_ranked};
+use super::completed::{Completed, completed_alone, completed_and_ranked};
 use super::of_part::{
     best_of_part, may_be_part, part_by_given_lengths, placed, placed_anyhow, refine_on_covered,
     with_relocations,
@@ -266,8 +266,10 @@ pub(super) fn clearest(
         let relocate = |found| with_relocations(pair, &mut hypotheses, found, &complete, progress);
         first.map(relocate).transpose()?
     } else {
-        let close = selection::rivals(&hypotheses).min(MOST_COMPLETED);
-        best_of_close(pair, complete(&hypotheses[..close])?)
+        match &hypotheses[..selection::rivals(&hypotheses).min(MOST_COMPLETED)] {
+            [alone] => Some((0, completed_alone(pair, alone, progress, report)?)),
+            close => best_of_close(pair, complete(close)?),
+        }
     };
     let (best, mut map) = found.ok_or(Error::NoMap {
         reason: "no candidate stood in the vote".into(),

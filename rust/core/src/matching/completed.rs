@@ -90,6 +90,24 @@ pub(super) fn completed_and_ranked<'a>(
     ranked(&pair, hypothesis, state, progress)
 }
 
+/// A hypothesis with its final refinement, where no other comes close: what it does to curvatures is looked at anew.
+pub(super) fn completed_alone<'a>(
+    pair: &Pair<'a>,
+    hypothesis: &Hypothesis,
+    progress: &Progress,
+    report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
+) -> Result<Completed<'a>> {
+    let (pair, state) = refined(pair, hypothesis, report)?;
+    report("dense map", 0.9)?;
+    with_figures(&pair, state, progress, |state| {
+        let mut figures = hypothesis.figures;
+        if !hypothesis.in_place {
+            figures.agreement = selection::agreement(&pair, &selection::sampled_images(state));
+        }
+        Ok(figures)
+    })
+}
+
 /// A refined map with what decides between close ones.
 pub(super) fn ranked<'a>(
     pair: &Pair<'a>,
@@ -97,9 +115,21 @@ pub(super) fn ranked<'a>(
     state: Refined<'a>,
     progress: &Progress,
 ) -> Result<Completed<'a>> {
+    with_figures(pair, state, progress, |state| {
+        judged(pair, hypothesis, state)
+    })
+}
+
+/// A refined map with its figures and what it does to distances around each vertex.
+fn with_figures<'a>(
+    pair: &Pair<'a>,
+    state: Refined<'a>,
+    progress: &Progress,
+    figures: impl FnOnce(&Refined<'a>) -> Result<Figures> + Send,
+) -> Result<Completed<'a>> {
     let images = state.target().images.vertex.clone();
     let (figures, distortion) = rayon::join(
-        || judged(pair, hypothesis, &state),
+        || figures(&state),
         || local_distortion(pair.target, pair.source, &images, pair.lengths, progress),
     );
     Ok(Completed {

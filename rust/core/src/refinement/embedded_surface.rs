@@ -30,7 +30,7 @@ use crate::refinement::parts::{self, Foot};
 use crate::refinement::propagation::Images;
 use crate::refinement::regions;
 use crate::refinement::relative_length::relative_length;
-use crate::refinement::side::{Side, Weights};
+use crate::refinement::side::{Side, Surface, Weights};
 use crate::shape::Shape;
 use crate::similarity::Similarity;
 use crate::vector::{self, Point};
@@ -247,8 +247,7 @@ pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a
     state.deformed = as_matrix(&placed);
     let at_images = state.at_images(most);
     (state.matrix, state.shared) = state.mapped(&at_images, check)?;
-    let whole_source = as_matrix(&source.mesh.vertices);
-    state.embed(whole_source.as_ref(), COINCIDING, check)?;
+    state.embed(Surface::Whole, COINCIDING, check)?;
     Ok(Some((pair, state)))
 }
 
@@ -615,8 +614,7 @@ impl<'a> Refined<'a> {
         );
         self.deformed = deformed?;
         (self.matrix, self.shared) = matrix?;
-        let smoothed = self.still.smoothed.clone();
-        self.embed(smoothed.as_ref(), LOW_PASSED, check)
+        self.embed(Surface::Smoothed, LOW_PASSED, check)
     }
 
     /// Steps in which the moving surface itself, not low-passed, is drawn onto the other as rigidly as
@@ -628,22 +626,26 @@ impl<'a> Refined<'a> {
         report: &(dyn Fn(usize) -> Result<()> + Sync),
     ) -> Result<()> {
         let most = self.matrix.nrows();
-        let whole_still = as_matrix(&self.still.shape.mesh.vertices);
         surface.positions = (0..self.deformed.nrows())
             .map(|v| self.deformed_at(v))
             .collect();
         for (step, &size) in sizes.iter().enumerate() {
             let check = || report(step);
-            let at_images = self.at_images(size.min(most));
-            let (drawn, matrix) = rayon::join(
-                || surface.drawn_to(&self.pulls(), &check),
-                || self.mapped(&at_images, &check),
+            let (pulls, at_images) = (self.pulls(), self.at_images(size.min(most)));
+            // The other's embedding needs the map, but not the surface that is drawn.
+            let (drawn, embedded) = rayon::join(
+                || surface.drawn_to(&pulls, &check),
+                || {
+                    (self.matrix, self.shared) = self.mapped(&at_images, &check)?;
+                    self.write_still_rows(Surface::Whole, WHOLE);
+                    Ok(())
+                },
             );
-            drawn?;
-            (self.matrix, self.shared) = matrix?;
+            drawn.and(embedded)?;
             self.deformed = as_matrix(&surface.positions);
+            self.write_moving_rows(WHOLE);
             let before = self.images();
-            self.embed(whole_still.as_ref(), WHOLE, &check)?;
+            self.find_images(SWEEPS, &check)?;
             if size.min(most) == most && self.changed_since(&before) < AT_REST {
                 break;
             }
@@ -663,9 +665,8 @@ impl<'a> Refined<'a> {
             })
             .collect();
         let same_pose = parts::off_affine(&matched).is_some_and(|off| off <= SAME_POSE);
-        let whole_still = as_matrix(&still.mesh.vertices);
         if same_pose {
-            return self.slide(surface, whole_still.as_ref(), check);
+            return self.slide(surface, check);
         }
         let lengths = self.lengths;
         let stretch = |images: &Images| {
@@ -674,27 +675,22 @@ impl<'a> Refined<'a> {
         };
         let kept = self.kept();
         let before = stretch(&self.moving.images);
-        self.slide(surface, whole_still.as_ref(), check)?;
+        self.slide(surface, check)?;
         if stretch(&self.moving.images) > MOST_STRETCHED * before {
-            self.put_back(kept, whole_still.as_ref());
+            self.put_back(kept);
             return Ok(());
         }
         for _ in 0..STEPS_AFTER_SLIDING {
             let at_images = self.at_images(self.matrix.nrows());
             (self.matrix, self.shared) = self.mapped(&at_images, check)?;
-            self.embed(whole_still.as_ref(), AFTER_SLIDING, check)?;
+            self.embed(Surface::Whole, AFTER_SLIDING, check)?;
         }
         Ok(())
     }
 
     /// Rounds in which the moving surface is deformed by maps that are affine on each part, and drawn onto the tangent
     /// planes at its images, along which it slides.
-    fn slide(
-        &mut self,
-        mut surface: PiecewiseAffine<'_>,
-        whole_still: MatRef<'_, f64>,
-        check: Check<'_>,
-    ) -> Result<()> {
+    fn slide(&mut self, mut surface: PiecewiseAffine<'_>, check: Check<'_>) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
         let (mut anchors, mut drawn): (Option<Vec<Point>>, Option<Vec<Point>>) = (None, None);
         for round in 0..SLIDES {
@@ -718,7 +714,7 @@ impl<'a> Refined<'a> {
             drawn = Some(places);
             let before = self.images();
             if round == 0 {
-                self.write_rows(whole_still, SLIDING);
+                self.write_rows(Surface::Whole, SLIDING);
             } else {
                 self.write_moving_rows(SLIDING);
             }
@@ -749,10 +745,10 @@ impl<'a> Refined<'a> {
     }
 
     /// Goes back to what was kept of a state on the whole surface.
-    fn put_back(&mut self, (deformed, images): (Mat<f64>, [Images; 2]), still: MatRef<'_, f64>) {
+    fn put_back(&mut self, (deformed, images): (Mat<f64>, [Images; 2])) {
         self.deformed = deformed;
         [self.moving.images, self.still.images] = images;
-        self.write_rows(still, WHOLE);
+        self.write_rows(Surface::Whole, WHOLE);
     }
 
     /// Images of the moving shape's asking vertices and of the other's.
@@ -771,35 +767,35 @@ impl<'a> Refined<'a> {
         changed as f64 / all as f64
     }
 
-    /// Embeddings by the present map and the deformed surface beside `still_surface`, and the
-    /// images in them.
-    fn embed(
-        &mut self,
-        still_surface: MatRef<'_, f64>,
-        weights: Weights,
-        check: Check<'_>,
-    ) -> Result<()> {
+    /// Embeddings by the present map and the deformed surface beside one of the still shape's, and the images in them.
+    fn embed(&mut self, of_still: Surface<'_>, weights: Weights, check: Check<'_>) -> Result<()> {
         check()?;
-        self.write_rows(still_surface, weights);
+        self.write_rows(of_still, weights);
         self.find_images(SWEEPS, check)
     }
 
     /// Embeddings by the present map and surfaces.
-    fn write_rows(&mut self, still_surface: MatRef<'_, f64>, weights: Weights) {
+    fn write_rows(&mut self, of_still: Surface<'_>, weights: Weights) {
         let (moving, still) = (&mut self.moving, &mut self.still);
-        let (deformed, matrix) = (self.deformed.as_ref(), self.matrix.as_ref());
-        let shared = weights.of(&self.shared);
+        let deformed = Surface::Deformed(self.deformed.as_ref());
+        let (matrix, shared) = (self.matrix.as_ref(), weights.of(&self.shared));
         rayon::join(
             || moving.embed(None, shared, deformed, weights),
-            || still.embed(Some(matrix), shared, still_surface, weights),
+            || still.embed(Some(matrix), shared, of_still, weights),
         );
     }
 
-    /// The same where only the moving surface was deformed since.
+    /// The moving shape's alone.
     fn write_moving_rows(&mut self, weights: Weights) {
+        let deformed = Surface::Deformed(self.deformed.as_ref());
         let shared = weights.of(&self.shared);
-        self.moving
-            .embed(None, shared, self.deformed.as_ref(), weights);
+        self.moving.embed(None, shared, deformed, weights);
+    }
+
+    /// The still shape's alone.
+    fn write_still_rows(&mut self, surface: Surface<'_>, weights: Weights) {
+        let (matrix, shared) = (self.matrix.as_ref(), weights.of(&self.shared));
+        self.still.embed(Some(matrix), shared, surface, weights);
     }
 
     /// Where on the still shape both maps see each vertex of the moving one, with the weight of that.
@@ -942,18 +938,17 @@ impl<'a> Refined<'a> {
         if square > SAME_POSE.powi(2) * total {
             return Ok(false);
         }
-        let whole_still = as_matrix(&self.still.shape.mesh.vertices);
         let kept = self.kept();
         for _ in 0..MOVES {
             let motion = Similarity::fitted(&self.matched(), false);
             let places = &self.moving.shape.mesh.vertices;
             let moved: Vec<Point> = places.iter().map(|&p| motion.apply(p)).collect();
             self.deformed = as_matrix(&moved);
-            self.embed(whole_still.as_ref(), COINCIDING, check)?;
+            self.embed(Surface::Whole, COINCIDING, check)?;
         }
         let coincides = self.coincides();
         if !coincides {
-            self.put_back(kept, whole_still.as_ref());
+            self.put_back(kept);
         }
         Ok(coincides)
     }

@@ -1,6 +1,7 @@
 //! One shape's part in a refinement: which vertices ask and where their images lie, the embedding of the
 //! surface, and weighted rows for the fits.
 
+use std::borrow::Cow;
 use std::f64::consts::PI;
 
 use faer::{Accum, Mat, MatMut, MatRef};
@@ -32,6 +33,17 @@ impl Weights {
     pub fn of(self, shared: &[f64]) -> &[f64] {
         &shared[..shared.len().min(self.functions)]
     }
+}
+
+/// What an embedding shows of a shape.
+#[derive(Debug, Clone, Copy)]
+pub(super) enum Surface<'a> {
+    /// The shape as it is.
+    Whole,
+    /// The low-passed surface.
+    Smoothed,
+    /// A surface with its vertices here, `(n, 3)`.
+    Deformed(MatRef<'a, f64>),
 }
 
 /// Vertices of a whole shape that fits are made of: with those of the other some 17 equations for each of 150
@@ -369,14 +381,23 @@ impl<'a> Side<'a> {
         &mut self,
         matrix: Option<MatRef<'_, f64>>,
         shared: &[f64],
-        surface: MatRef<'_, f64>,
+        surface: Surface<'_>,
         weights: Weights,
     ) {
-        let (n, k) = (surface.nrows(), shared.len());
+        let mesh = &self.shape.mesh;
+        let (n, k) = (mesh.vertices.len(), shared.len());
         let scale = 1.0 / (PI.sqrt() * k as f64);
         let scales: Vec<f32> = shared.iter().map(|r| (scale * r * r) as f32).collect();
-        let positions: Vec<Point> = (0..n).map(|i| [0, 1, 2].map(|c| surface[(i, c)])).collect();
-        let normals = mesh::normals_of(&positions, &self.shape.mesh.faces);
+        let placed = |at: MatRef<'_, f64>| {
+            let positions: Vec<Point> = (0..n).map(|i| [0, 1, 2].map(|c| at[(i, c)])).collect();
+            let normals = mesh::normals_of(&positions, &mesh.faces);
+            (Cow::Owned(positions), Cow::Owned(normals))
+        };
+        let (positions, normals): (Cow<'_, [Point]>, Cow<'_, [Point]>) = match surface {
+            Surface::Whole => ((&mesh.vertices).into(), (&self.shape.normals).into()),
+            Surface::Smoothed => placed(self.smoothed.as_ref()),
+            Surface::Deformed(at) => placed(at),
+        };
         let sign = weights.normals * self.shape.volume_sign;
         let looks = self.shape.descriptors.detail.ncols();
         // What has no weight is left out.
