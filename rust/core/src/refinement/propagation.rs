@@ -68,17 +68,6 @@ impl Images {
         sweeps: usize,
         check: Check<'_>,
     ) -> Result<()> {
-        for (i, &id) in ids.iter().enumerate() {
-            self.cost[i] = if self.vertex[i] == u32::MAX {
-                f32::INFINITY
-            } else {
-                squared_distance(
-                    asking.0.row(id as usize),
-                    answering.0.row(self.vertex[i] as usize),
-                    f32::INFINITY,
-                )
-            };
-        }
         // Visits are numbered. A vertex has nothing new to try unless a neighbour's image changed since
         // its last visit, and tries no image twice in a visit.
         let (mut visit, mut changed_at, mut seen_at) =
@@ -100,9 +89,12 @@ impl Images {
                 if seen_at[i] > 0 && !neighbours.iter().any(news) {
                     continue;
                 }
+                let here = asking.0.row(ids[i] as usize);
+                if seen_at[i] == 0 {
+                    self.cost[i] = self.present_cost(i, here, answering.0);
+                }
                 visit += 1;
                 seen_at[i] = visit;
-                let here = asking.0.row(ids[i] as usize);
                 let is_new = |image: u32| {
                     let at = &mut tried_at[image as usize];
                     std::mem::replace(at, visit) < visit
@@ -118,6 +110,15 @@ impl Images {
             sweep += 1;
         }
         Ok(())
+    }
+
+    /// Squared distance of a vertex's image in the present embeddings.
+    #[inline(always)]
+    fn present_cost(&self, i: usize, here: &[f32], answering: &Rows) -> f32 {
+        match self.vertex[i] {
+            u32::MAX => f32::INFINITY,
+            image => squared_distance(here, answering.row(image as usize), f32::INFINITY),
+        }
     }
 
     /// Tries the images of mesh neighbours, then walks downhill on the answering shape; only those that are new.
