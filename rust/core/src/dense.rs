@@ -8,8 +8,23 @@ use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 
 use crate::error::{Error, Result};
 
-/// Writes or adds `factor`·A·B: every product of the core, since the library's own leaves the processor's wide
-/// registers in use.
+/// Products, factors, solves and decompositions of the library, after which the processor is told that the upper parts
+/// of wide registers hold nothing.
+///
+/// The library ends without doing so. Everything that is not [`vectorised`] uses the narrow registers below,
+/// and would from then on keep what is above them at every operation, which made laying out a mesh take twice as long
+/// (Intel 64 and IA-32 Architectures Optimization Reference Manual, "Mixing AVX code with SSE code"). What itself
+/// is vectorised ends with it.
+pub fn by_library<R>(work: impl FnOnce() -> R) -> R {
+    let done = work();
+    #[cfg(target_arch = "x86_64")]
+    if let Some(processor) = pulp::x86::V3::try_new() {
+        processor.avx._mm256_zeroupper();
+    }
+    done
+}
+
+/// Writes or adds `factor`·A·B.
 pub fn multiply<T: ComplexField>(
     out: MatMut<'_, T>,
     accum: Accum,
@@ -17,21 +32,7 @@ pub fn multiply<T: ComplexField>(
     b: MatRef<'_, T>,
     factor: T,
 ) {
-    matmul(out, accum, a, b, factor, Par::Seq);
-    clear_wide_registers();
-}
-
-/// Tells the processor that the upper parts of wide registers hold nothing.
-///
-/// The library's products end without doing so. Everything that is not [`vectorised`] uses the narrow registers below,
-/// and would from then on keep what is above them at every operation, which made laying out a mesh take twice as long
-/// (Intel 64 and IA-32 Architectures Optimization Reference Manual, "Mixing AVX code with SSE code"). What itself
-/// is vectorised ends with it.
-pub fn clear_wide_registers() {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(processor) = pulp::x86::V3::try_new() {
-        processor.avx._mm256_zeroupper();
-    }
+    by_library(|| matmul(out, accum, a, b, factor, Par::Seq));
 }
 
 /// A·B.
@@ -62,14 +63,10 @@ pub fn solve_with_ridge(
     for i in 0..gram.nrows() {
         gram[(i, i)] += ridge(i);
     }
-    let factor = gram.llt(Side::Lower).map_err(|e| Error::NotFactorised {
+    let factor = by_library(|| gram.llt(Side::Lower)).map_err(|e| Error::NotFactorised {
         reason: format!("least squares of size {}: {e:?}", gram.nrows()),
     })?;
-    let solve = |right: MatRef<'_, f64>| {
-        let found = factor.solve(right);
-        clear_wide_registers();
-        found
-    };
+    let solve = |right: MatRef<'_, f64>| by_library(|| factor.solve(right));
     let half = right.ncols() / 2;
     if half < COLUMNS_ASIDE {
         return Ok(solve(right));
@@ -176,18 +173,19 @@ pub fn sum_of_products(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f64> {
 pub fn gram(a: MatRef<'_, f32>) -> Mat<f64> {
     let k = a.nrows();
     let mut sum = Mat::<f32>::zeros(k, k);
-    triangular::matmul(
-        sum.as_mut(),
-        BlockStructure::TriangularLower,
-        Accum::Replace,
-        a,
-        BlockStructure::Rectangular,
-        a.transpose(),
-        BlockStructure::Rectangular,
-        1.0,
-        Par::Seq,
-    );
-    clear_wide_registers();
+    by_library(|| {
+        triangular::matmul(
+            sum.as_mut(),
+            BlockStructure::TriangularLower,
+            Accum::Replace,
+            a,
+            BlockStructure::Rectangular,
+            a.transpose(),
+            BlockStructure::Rectangular,
+            1.0,
+            Par::Seq,
+        );
+    });
     Mat::from_fn(k, k, |i, j| f64::from(sum[(i, j)]))
 }
 

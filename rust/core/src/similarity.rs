@@ -2,6 +2,7 @@
 
 use faer::{Mat, Side};
 
+use crate::dense::by_library;
 use crate::vector::{self, Point};
 
 /// `p → to + scale · turn · (p − from)`.
@@ -103,7 +104,7 @@ pub fn nearest_turn(matrix: &[Point; 3], mirrored: bool) -> [Point; 3] {
         ],
     ];
     let horn = Mat::from_fn(4, 4, |i, j| rows[i][j]);
-    let Ok(eigen) = horn.self_adjoint_eigen(Side::Lower) else {
+    let Ok(eigen) = by_library(|| horn.self_adjoint_eigen(Side::Lower)) else {
         return identity;
     };
     let q = eigen.U().col(3);

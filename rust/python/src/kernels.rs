@@ -3,7 +3,7 @@
 use faer::Mat;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
-use sgmds_core::eigenbasis::{Eigenbasis, bare_solves};
+use sgmds_core::eigenbasis::{Eigenbasis, bare_solves, factorise};
 use sgmds_core::geodesics::{FastMarching, distances_from};
 use sgmds_core::laplacian::Laplacian;
 use sgmds_core::mesh::Mesh;
@@ -47,6 +47,11 @@ impl Kernels {
             let largest = basis.values[count - 1];
             Ok((basis.residual / largest, basis.solves))
         })
+    }
+
+    /// Factorises once.
+    fn factorise(&self, py: Python<'_>) -> PyResult<()> {
+        watched(py, None, None, |_| factorise(&self.laplacian))
     }
 
     /// Factorises and solves so many linear systems, nothing else.

@@ -15,7 +15,7 @@ use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 use rayon::prelude::*;
 
-use crate::dense::clear_wide_registers;
+use crate::dense::by_library;
 use crate::edge_weights::EdgeWeights;
 use crate::error::{Error, Result};
 use crate::progress::Check;
@@ -87,7 +87,8 @@ impl Rigidity {
         for (j, pull) in pulls.iter().enumerate() {
             matrix.val_of_col_mut(j)[0] += pull.0.max(LEAST_PULL);
         }
-        Llt::try_new_with_symbolic(self.symbolic.clone(), matrix.as_ref(), Side::Lower)
+        let symbolic = self.symbolic.clone();
+        by_library(|| Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower))
             .map_err(Error::not_factorised)
     }
 }
@@ -131,8 +132,7 @@ impl<'a> RigidSurface<'a> {
                 })
                 .collect();
             let mut x = Mat::from_fn(n, 3, |i, c| balance[i][c]);
-            factor.solve_in_place(&mut x);
-            clear_wide_registers();
+            by_library(|| factor.solve_in_place(&mut x));
             for (i, p) in self.positions.iter_mut().enumerate() {
                 *p = [0, 1, 2].map(|c| x[(i, c)]);
             }

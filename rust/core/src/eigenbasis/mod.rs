@@ -12,7 +12,7 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use self::orthogonal::eigen;
-use self::shifted_factor::Pattern;
+use self::shifted_factor::{Pattern, ShiftedFactor};
 use self::slices::{Slice, Spectrum, weyl_spacing};
 use crate::dense::vectorised;
 use crate::error::{Error, Result};
@@ -283,10 +283,26 @@ impl Eigenbasis {
 /// [`Error::NotFactorised`].
 pub fn bare_solves(laplacian: &Laplacian, count: usize) -> Result<()> {
     let pattern = Pattern::new(laplacian)?;
-    let spacing = weyl_spacing(laplacian.mass.iter().sum());
-    let factor = Slice::lowest(count).factor(&pattern, spacing, &|| false)?;
+    let factor = lowest_factor(&pattern, laplacian, count)?;
     lanczos::bare_solves(&factor, laplacian.len(), count);
     Ok(())
+}
+
+/// One factorisation, with its ordering, as the lowest pairs need it.
+///
+/// # Errors
+/// [`Error::NotFactorised`].
+pub fn factorise(laplacian: &Laplacian) -> Result<()> {
+    lowest_factor(&Pattern::new(laplacian)?, laplacian, 1).map(|_| ())
+}
+
+fn lowest_factor<'a>(
+    pattern: &'a Pattern<'a>,
+    laplacian: &Laplacian,
+    pairs: usize,
+) -> Result<ShiftedFactor<'a>> {
+    let spacing = weyl_spacing(laplacian.mass.iter().sum());
+    Slice::lowest(pairs).factor(pattern, spacing, &|| false)
 }
 
 /// `Wφ − λAφ` of some pairs into the columns of `defects`, `(n, C)`, and their norms: `√(rᵀA⁻¹r)`.

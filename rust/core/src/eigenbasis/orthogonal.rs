@@ -8,7 +8,7 @@ use faer::prelude::*;
 use faer::{Accum, Spec};
 
 use super::ROWS_A_PIECE;
-use crate::dense::{clear_wide_registers, multiply, product};
+use crate::dense::{by_library, multiply, product};
 use crate::error::{Error, Result};
 
 /// `X ← (I − QQᵀ)X`; returns `XᵀQ`.
@@ -58,24 +58,23 @@ fn cholesky_qr(x: MatMut<'_, f64>) -> Option<Mat<f64>> {
     let b = x.ncols();
     let mut gram = product(x.rb().transpose(), x.rb());
     let largest = (0..b).map(|i| gram[(i, i)]).fold(0.0, f64::max);
-    cholesky_in_place(
-        gram.as_mut(),
-        faer::linalg::cholesky::llt::factor::LltRegularization::default(),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(cholesky_in_place_scratch::<f64>(
-            b,
+    let scratch = cholesky_in_place_scratch::<f64>(b, Par::Seq, Spec::default());
+    by_library(|| {
+        cholesky_in_place(
+            gram.as_mut(),
+            faer::linalg::cholesky::llt::factor::LltRegularization::default(),
             Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
             Spec::default(),
-        ))),
-        Spec::default(),
-    )
+        )
+    })
     .ok()?;
     let least = (0..b).map(|i| gram[(i, i)]).fold(f64::MAX, f64::min);
     // The square of the condition number must stay well inside double precision.
     if least * least <= 1e-12 * largest {
         return None;
     }
-    solve_lower_triangular_in_place(gram.as_ref(), x.transpose_mut(), Par::Seq);
+    by_library(|| solve_lower_triangular_in_place(gram.as_ref(), x.transpose_mut(), Par::Seq));
     Some(Mat::from_fn(
         b,
         b,
@@ -92,20 +91,21 @@ pub(super) fn eigen(matrix: MatRef<'_, f64>) -> Result<(Vec<f64>, Mat<f64>)> {
     let mut vectors = Mat::zeros(m, m);
     let scratch =
         self_adjoint_evd_scratch::<f64>(m, ComputeEigenvectors::Yes, Par::Seq, Spec::default());
-    self_adjoint_evd(
-        matrix,
-        faer::diag::DiagMut::from_slice_mut(&mut values),
-        Some(vectors.as_mut()),
-        Par::Seq,
-        MemStack::new(&mut MemBuffer::new(scratch)),
-        Spec::default(),
-    )
+    by_library(|| {
+        self_adjoint_evd(
+            matrix,
+            faer::diag::DiagMut::from_slice_mut(&mut values),
+            Some(vectors.as_mut()),
+            Par::Seq,
+            MemStack::new(&mut MemBuffer::new(scratch)),
+            Spec::default(),
+        )
+    })
     .map_err(|_| Error::NotConverged {
         found: 0,
         wanted: m,
         residual: f64::NAN,
     })?;
-    clear_wide_registers();
     Ok((values, vectors))
 }
 

@@ -12,7 +12,7 @@ use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Side, Spec};
 
 use super::substitution::Supernode;
-use crate::dense::{clear_wide_registers, vectorised};
+use crate::dense::{by_library, vectorised};
 use crate::error::{Error, Result};
 use crate::laplacian::Laplacian;
 
@@ -83,18 +83,21 @@ impl<'a> Pattern<'a> {
             .symbolic
             .factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Spec::default());
         let mut values = vec![0.0; self.symbolic.len_val()];
-        self.symbolic
-            .factorize_numeric_ldlt(
-                &mut values,
-                SparseColMatRef::new(pattern, &entries),
-                Side::Upper,
-                LdltRegularization::default(),
-                Par::Seq,
-                MemStack::new(&mut MemBuffer::new(scratch)),
-                Spec::default(),
-            )
-            .ok()?;
-        clear_wide_registers();
+        let matrix = SparseColMatRef::new(pattern, &entries);
+        by_library(|| {
+            self.symbolic
+                .factorize_numeric_ldlt(
+                    &mut values,
+                    matrix,
+                    Side::Upper,
+                    LdltRegularization::default(),
+                    Par::Seq,
+                    MemStack::new(&mut MemBuffer::new(scratch)),
+                    Spec::default(),
+                )
+                .is_ok()
+        })
+        .then_some(())?;
         let factor = ShiftedFactor {
             pattern: self,
             values,

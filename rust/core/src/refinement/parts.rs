@@ -13,6 +13,7 @@ use faer::linalg::solvers::Solve;
 use faer::{Mat, Side};
 
 use crate::deformation::piecewise_affine::Pull;
+use crate::dense::by_library;
 use crate::pointwise_map::SurfacePoint;
 use crate::shape::Shape;
 use crate::vector::{self, Point};
@@ -91,7 +92,7 @@ pub fn off_affine(matched: &[(Point, Point, f64)]) -> Option<f64> {
             }
         }
     }
-    let found = gram.llt(Side::Lower).ok()?.solve(&right);
+    let found = by_library(|| Some(gram.llt(Side::Lower).ok()?.solve(&right)))?;
     let square = matched.iter().fold(0.0, |sum, &([x, y, z], q, w)| {
         let row = [x, y, z, 1.0];
         let there = [0, 1, 2].map(|c| (0..4).map(|i| row[i] * found[(i, c)]).sum::<f64>());

@@ -4,6 +4,7 @@ use faer::prelude::*;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 
+use crate::dense::by_library;
 use crate::edge_weights::EdgeWeights;
 use crate::error::{Error, Result};
 use crate::transfer::surface::Surface;
@@ -148,7 +149,7 @@ impl Filling<'_> {
             }
         }
         if let Some(factor) = &self.factor {
-            factor.solve_in_place(&mut right);
+            by_library(|| factor.solve_in_place(&mut right));
         }
         right
     }
