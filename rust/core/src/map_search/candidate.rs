@@ -1,0 +1,238 @@
+//! A map between the low ends of two spectra: fitted to point maps, and judged by those it gives.
+
+use faer::{Mat, MatRef};
+
+use super::sampled::{Sampled, Width};
+use crate::closest::closest;
+use crate::dense;
+use crate::error::Result;
+use crate::hints::Which;
+use crate::orientation::orientation;
+use crate::pair::{Mirror, Pair, Part, Shares};
+
+/// Eigenfunctions of the finished candidates.
+pub const CANDIDATE_SIZE: usize = 24;
+/// Tikhonov weight of a fit, per sample.
+const FIT_RIDGE: f64 = 1e-3;
+/// Eigenfunctions whose bivectors tell direct from mirrored maps.
+const ORIENTATION_FUNCTIONS: usize = 8;
+/// Below this size the orientation of a right map is as good as random.
+pub(super) const ORIENTED_FROM: usize = 15;
+/// A map's energy is weighted by this less its orientation.
+const ORIENTATION_OFFSET: f64 = 1.2;
+
+/// A map between the low ends of two spectra, with its images on the samples.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// `(kₛ, kₜ)`: target coefficients → source coefficients, so that Φₛ C ≈ Φₜ at matched points.
+    pub matrix: Mat<f64>,
+    /// Number of the source sample for each asking target sample.
+    pub on_source: Vec<u32>,
+    /// Number of the target sample for each asking source sample.
+    pub on_target: Vec<u32>,
+    /// Geodesic distortion times the root of the descriptor mismatch.
+    pub energy: f64,
+    /// Orientation score, negative for a mirrored map; 1 where there are too few eigenfunctions to tell.
+    pub orientation: f64,
+    /// Energy raised where the orientation is doubtful: by this the beam is ordered.
+    pub rank: f64,
+}
+
+/// Everything of a pair that the search reads, on the samples only.
+#[derive(Debug)]
+pub struct SampledPair<'a> {
+    pub(super) pair: Pair<'a>,
+    pub(super) width: Width,
+    pub(super) side_target: Sampled,
+    pub(super) side_source: Sampled,
+}
+
+impl<'a> SampledPair<'a> {
+    /// Gathers the samples of both shapes.
+    #[must_use]
+    pub fn new(pair: Pair<'a>, width: Width) -> Self {
+        let (side_target, side_source) = rayon::join(
+            || Sampled::new(&pair, Which::Target, width),
+            || Sampled::new(&pair, Which::Source, width),
+        );
+        Self {
+            pair,
+            width,
+            side_target,
+            side_source,
+        }
+    }
+
+    /// Eigenfunctions of the finished candidates.
+    pub(super) fn largest(&self) -> usize {
+        CANDIDATE_SIZE
+            .min(self.side_source.basis.ncols())
+            .min(self.side_target.basis.ncols())
+    }
+
+    /// Point maps of a matrix: on the source and on the target.
+    pub(super) fn images(&self, matrix: MatRef<'_, f64>) -> (Vec<u32>, Vec<u32>) {
+        let (ks, kt) = (matrix.nrows(), matrix.ncols());
+        let target = self.side_target.single.get(.., ..kt);
+        let turned = dense::product(self.side_source.basis.get(.., ..ks), matrix);
+        let source = dense::in_single(turned.as_ref());
+        rayon::join(
+            || {
+                closest(
+                    target.get(..self.side_target.asking, ..),
+                    source.as_ref(),
+                    Some(&self.side_source.fixed),
+                    1.0 / kt as f32,
+                )
+            },
+            || {
+                closest(
+                    source.get(..self.side_source.asking, ..),
+                    target,
+                    Some(&self.side_target.fixed),
+                    1.0 / kt as f32,
+                )
+            },
+        )
+    }
+
+    /// Point maps and energy of a matrix.
+    pub(super) fn judged(&self, matrix: Mat<f64>) -> Candidate {
+        let ks = matrix.nrows();
+        let (on_source, on_target) = self.images(matrix.as_ref());
+        let energy = self.energy(&on_source, &on_target);
+        let is_oriented = ks >= ORIENTED_FROM.min(self.largest());
+        let orientation = if self.pair.uses(Part::Orientation) && is_oriented {
+            let pairs = on_source.iter().enumerate();
+            let measured = orientation(
+                &self.side_target.gradients,
+                &self.side_source.gradients,
+                matrix.as_ref(),
+                pairs.map(|(i, &j)| (i, j as usize)),
+                ORIENTATION_FUNCTIONS,
+            );
+            self.wanted_sign() * measured
+        } else {
+            1.0
+        };
+        Candidate {
+            matrix,
+            orientation,
+            rank: energy
+                * (ORIENTATION_OFFSET
+                    - if !on_source.is_empty() && ks >= ORIENTED_FROM {
+                        orientation
+                    } else {
+                        0.0
+                    }),
+            on_source,
+            on_target,
+            energy,
+        }
+    }
+
+    /// Which orientation is looked for.
+    pub(super) fn wanted_sign(&self) -> f64 {
+        if self.pair.mirror == Mirror::Only {
+            -1.0
+        } else {
+            1.0
+        }
+    }
+
+    /// Fit at k from a candidate's point maps, with new point maps.
+    pub(super) fn refitted(&self, candidate: &Candidate, k: usize) -> Result<Candidate> {
+        self.fitted(&candidate.on_source, &candidate.on_target, k)
+    }
+
+    /// Fit at k from point maps, with new point maps.
+    pub(super) fn fitted(
+        &self,
+        on_source: &[u32],
+        on_target: &[u32],
+        k: usize,
+    ) -> Result<Candidate> {
+        let matrix = fit(
+            self.side_target.basis.as_ref(),
+            self.side_source.basis.as_ref(),
+            on_source,
+            on_target,
+            self.pair.shares,
+            k,
+        )?;
+        Ok(self.judged(matrix))
+    }
+
+    /// Root mean square change of distances between samples, times the root of the mean
+    /// descriptor mismatch.
+    fn energy(&self, on_source: &[u32], on_target: &[u32]) -> f64 {
+        let distortion = self.pair.shares.mean(
+            self.side_source.distortion(on_source, &self.side_target),
+            self.side_target.distortion(on_target, &self.side_source),
+        );
+        let mismatch = self.pair.shares.mean(
+            self.side_source.mean_mismatch(on_source),
+            self.side_target.mean_mismatch(on_target),
+        );
+        let distortion = if self.pair.uses(Part::Geodesic) {
+            distortion
+        } else {
+            1.0
+        };
+        (distortion * mismatch).sqrt()
+    }
+
+    /// Mean distance on the source between the images of two candidates.
+    pub(super) fn apart(&self, a: &Candidate, b: &Candidate) -> f64 {
+        let sum: f64 = a
+            .on_source
+            .iter()
+            .zip(&b.on_source)
+            .map(|(&p, &q)| f64::from(self.side_source.distances[(p as usize, q as usize)]))
+            .sum();
+        sum / a.on_source.len() as f64
+    }
+}
+
+/// Bijective least squares: C with Φₛ C ≈ Φₜ at the pairs of both point maps.
+///
+/// Bases are given at samples; `on_source` are source samples for the first target samples,
+/// `on_target` target samples for the first source samples. Returns `(k, k)`.
+///
+/// # Errors
+/// [`crate::Error::NotFactorised`] when the pairs do not determine the map.
+pub fn fit(
+    target: MatRef<'_, f64>,
+    source: MatRef<'_, f64>,
+    on_source: &[u32],
+    on_target: &[u32],
+    shares: Shares,
+    k: usize,
+) -> Result<Mat<f64>> {
+    let (first, second) = (on_source.len(), on_target.len());
+    let [target_root, source_root] = [shares.target.sqrt(), shares.source.sqrt()];
+    let roots = [vec![target_root; first], vec![source_root; second]].concat();
+    let weighted_rows = |basis: MatRef<'_, f64>, ids: Vec<u32>| {
+        let mut rows = Mat::zeros(ids.len(), k);
+        for j in 0..k {
+            let out = rows.col_as_slice_mut(j).iter_mut();
+            for ((out, root), &id) in out.zip(&roots).zip(&ids) {
+                *out = root * basis[(id as usize, j)];
+            }
+        }
+        rows
+    };
+    let p = weighted_rows(
+        source,
+        on_source.iter().copied().chain(0..second as u32).collect(),
+    );
+    let q = weighted_rows(
+        target,
+        (0..first as u32).chain(on_target.iter().copied()).collect(),
+    );
+    let (gram, right) = rayon::join(
+        || dense::product(p.transpose(), p.as_ref()),
+        || dense::product(p.transpose(), q.as_ref()),
+    );
+    dense::solve_with_ridge(gram, |_| FIT_RIDGE * first as f64, right.as_ref())
+}
