@@ -37,7 +37,7 @@ impl SampledPair<'_> {
         let coordinates = |shape: &Shape, side: &Sampled| {
             let k = SCALING_FUNCTIONS.min(shape.distance_operator.nrows());
             let block = shape.distance_operator.get(1..k, 1..k);
-            let decomposition = block.self_adjoint_eigen(Side::Lower).ok()?;
+            let decomposition = dense::by_library(|| block.self_adjoint_eigen(Side::Lower)).ok()?;
             let dims = SCALING_DIMS.min(k - 1);
             let scaled = Mat::from_fn(k - 1, dims, |i, j| {
                 // Eigenvalues ascend, so the most negative ones come first.
