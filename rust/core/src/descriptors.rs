@@ -3,7 +3,9 @@
 use faer::{Mat, MatRef};
 
 use crate::dense::{self, Rows};
+use crate::eigenbasis::Eigenbasis;
 use crate::error::Result;
+use crate::laplacian::Laplacian;
 use crate::mesh::{self, Mesh};
 use crate::progress::Check;
 use crate::vector;
@@ -43,7 +45,8 @@ pub struct Descriptors {
 
 impl Descriptors {
     /// Wave kernel signature and mean curvature ½ n·(A⁻¹WV), in the unit of the metric: A holds
-    /// its areas and `length_factors`, `(n)`, its lengths relative to those of the positions.
+    /// its areas and `length_factors`, `(n)`, its lengths relative to those of the positions. `coordinates` are `ΦᵀA` V,
+    /// `(k, 3)`.
     ///
     /// # Source
     /// Aubry, Schlickewei, Cremers, "The Wave Kernel Signature", 2011, here normalised by the area
@@ -53,17 +56,18 @@ impl Descriptors {
     /// [`crate::Error::Cancelled`] when `check` says so.
     pub fn new(
         mesh: &Mesh,
-        stiffness: &sprs::CsMat<f64>,
-        mass: &[f64],
+        laplacian: &Laplacian,
         length_factors: &[f64],
-        values: &[f64],
-        functions: MatRef<'_, f64>,
+        basis: &Eigenbasis,
+        coordinates: MatRef<'_, f64>,
         check: Check<'_>,
     ) -> Result<Self> {
         let n = mesh.vertices.len();
+        let mass = laplacian.mass.as_slice();
+        let (values, functions) = (basis.values.as_slice(), basis.functions.as_ref());
         let waves = wave_kernel(mass, values, functions, check)?;
         check()?;
-        let raw = mean_curvature(mesh, stiffness, mass, length_factors);
+        let raw = mean_curvature(mesh, laplacian, length_factors);
         let coarse = diffused(&raw, mass, values, functions, CURVATURE_HEAT_TIME);
         let power: f64 = mass.iter().zip(&coarse).map(|(a, h)| a * h * h).sum();
         let scale = if power > 0.0 { power.sqrt() } else { 1.0 };
@@ -76,7 +80,7 @@ impl Descriptors {
             row[WAVE_ENERGIES] = (coarse[i] / scale) as f32;
         }
         check()?;
-        let curvatures = smoothed_curvatures(mesh, mass, values, functions);
+        let curvatures = smoothed_curvatures(mesh, basis, coordinates);
         let wave_weight = DETAIL_WAVE_WEIGHT * (DETAIL_WAVE_STEP as f64).sqrt();
         let detail = Mat::from_fn(
             n,
@@ -97,23 +101,22 @@ impl Descriptors {
 /// √t ½ n·(A⁻¹WV) of the surface V smoothed by e^{−Λt}, n its normals: without a unit, `(n, 4)`.
 fn smoothed_curvatures(
     mesh: &Mesh,
-    mass: &[f64],
-    values: &[f64],
-    functions: MatRef<'_, f64>,
+    Eigenbasis {
+        values, functions, ..
+    }: &Eigenbasis,
+    coordinates: MatRef<'_, f64>,
 ) -> Mat<f64> {
     let n = mesh.vertices.len();
     let sign = mesh.volume_sign();
-    let weighted = Mat::from_fn(n, 3, |i, c| mass[i] * mesh.vertices[i][c]);
-    let coefficients = dense::product(functions.transpose(), weighted.as_ref());
-    let mut curvatures = Mat::zeros(n, DETAIL_HEAT_TIMES.len());
+    // Of each time smoothed positions and, beside them, what the operator makes of them: the basis is read once.
+    let filtered = Mat::from_fn(values.len(), 6 * DETAIL_CURVATURES, |i, c| {
+        let kept = (-values[i] * DETAIL_HEAT_TIMES[c / 6]).exp();
+        coordinates[(i, c % 3)] * if c % 6 < 3 { kept } else { kept * values[i] }
+    });
+    let smooth = dense::product(functions.as_ref(), filtered.as_ref());
+    let mut curvatures = Mat::zeros(n, DETAIL_CURVATURES);
     for (column, time) in DETAIL_HEAT_TIMES.into_iter().enumerate() {
-        // Smoothed positions and, beside them, what the operator makes of them.
-        let filtered = Mat::from_fn(values.len(), 6, |i, c| {
-            let kept = (-values[i] * time).exp();
-            coefficients[(i, c % 3)] * if c < 3 { kept } else { kept * values[i] }
-        });
-        let smooth = dense::product(functions, filtered.as_ref());
-        let at = |i: usize, from: usize| [0, 1, 2].map(|c| smooth[(i, from + c)]);
+        let at = |i: usize, from: usize| [0, 1, 2].map(|c| smooth[(i, 6 * column + from + c)]);
         let positions: Vec<_> = (0..n).map(|i| at(i, 0)).collect();
         let normals = mesh::normals_of(&positions, &mesh.faces);
         for (i, normal) in normals.into_iter().enumerate() {
@@ -186,12 +189,8 @@ fn wave_kernel(
 }
 
 /// ½ n·(A⁻¹WV), positive where the surface bulges outward, clipped.
-fn mean_curvature(
-    mesh: &Mesh,
-    stiffness: &sprs::CsMat<f64>,
-    mass: &[f64],
-    length_factors: &[f64],
-) -> Vec<f64> {
+fn mean_curvature(mesh: &Mesh, laplacian: &Laplacian, length_factors: &[f64]) -> Vec<f64> {
+    let Laplacian { stiffness, mass } = laplacian;
     let normals = mesh.vertex_normals();
     let sign = mesh.volume_sign();
     stiffness

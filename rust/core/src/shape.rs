@@ -216,15 +216,19 @@ impl Shape {
         check()?;
         let neighbours = mesh.vertex_neighbours();
         let (normals, volume_sign) = (mesh.vertex_normals(), mesh.volume_sign());
+        let functions = basis.functions.as_ref();
+        let weighted = Mat::from_fn(mesh.vertices.len(), 3, |i, c| {
+            laplacian.mass[i] * mesh.vertices[i][c]
+        });
+        let coordinates = dense::product(functions.transpose(), weighted.as_ref());
         let (descriptors, (bulging, rim_nearness)) = rayon::join(
             || {
                 Descriptors::new(
                     &mesh,
-                    &laplacian.stiffness,
-                    &laplacian.mass,
+                    &laplacian,
                     &length_factors,
-                    &basis.values,
-                    basis.functions.as_ref(),
+                    &basis,
+                    coordinates.as_ref(),
                     check,
                 )
             },
@@ -242,18 +246,14 @@ impl Shape {
         let descriptors = descriptors?;
         check()?;
         let judged = &farthest[..JUDGED.min(farthest.len())];
-        let functions = basis.functions.as_ref();
         let between_judged = distance_operator::between_vertices(
             distance_operator.as_ref(),
             functions,
             judged,
             judged,
         );
-        let weighted = Mat::from_fn(mesh.vertices.len(), 3, |i, c| {
-            laplacian.mass[i] * mesh.vertices[i][c]
-        });
         Ok(Self {
-            coordinates: dense::product(functions.transpose(), weighted.as_ref()),
+            coordinates,
             between_judged,
             normals,
             volume_sign,
