@@ -5,7 +5,7 @@ use std::sync::{Arc, OnceLock};
 use faer::{Mat, MatRef};
 
 use crate::bulging::Surface;
-use crate::deformation::piecewise_affine::Parts;
+use crate::deformation::piecewise_affine::DeformationGraph;
 use crate::deformation::rigid_surface::Rigidity;
 use crate::dense::{self, Rows};
 use crate::descriptors::Descriptors;
@@ -101,7 +101,7 @@ pub struct Shape {
     pub marching: FastMarching,
     /// What holds the surface together, and what carries its parts, when it is drawn onto another.
     rigidity: OnceLock<Rigidity>,
-    parts: OnceLock<Parts>,
+    deformation_graph: OnceLock<DeformationGraph>,
 }
 
 impl Shape {
@@ -276,7 +276,7 @@ impl Shape {
             descriptors,
             marching,
             rigidity: OnceLock::new(),
-            parts: OnceLock::new(),
+            deformation_graph: OnceLock::new(),
         })
     }
 
@@ -342,10 +342,10 @@ impl Shape {
     ///
     /// # Errors
     /// [`Error::NotFactorised`].
-    pub fn parts(&self) -> Result<&Parts> {
+    pub fn deformation_graph(&self) -> Result<&DeformationGraph> {
         let nodes = self.farthest_points(NODES);
-        let found = || Parts::new(&self.mesh.vertices, &self.neighbours, nodes);
-        known_or_found(&self.parts, found)
+        let found = || DeformationGraph::new(&self.mesh.vertices, &self.neighbours, nodes);
+        known_or_found(&self.deformation_graph, found)
     }
 
     /// Finds what is otherwise found when first asked for.
@@ -353,8 +353,8 @@ impl Shape {
     /// # Errors
     /// [`Error::NotFactorised`].
     pub fn complete(&self) -> Result<()> {
-        let (rigidity, parts) = rayon::join(|| self.rigidity(), || self.parts());
-        rigidity.and(parts).map(|_| ())
+        let (rigidity, graph) = rayon::join(|| self.rigidity(), || self.deformation_graph());
+        rigidity.and(graph).map(|_| ())
     }
 
     /// The checked mesh in the given resolution.
@@ -554,4 +554,22 @@ pub struct PublicArrays {
     pub geodesics: Mat<f64>,
     /// `(q, q)`, length³.
     pub distance_operator: Mat<f64>,
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::testing::{RINGS, torus};
+
+    #[test]
+    fn what_is_found_when_first_asked_for_is_kept() {
+        let shape = torus(RINGS);
+        let rigidity = shape.rigidity().expect("a pattern");
+        shape.complete().expect("patterns");
+        assert!(std::ptr::eq(rigidity, shape.rigidity().expect("known")));
+        let graph = shape.deformation_graph().expect("known");
+        assert!(std::ptr::eq(
+            graph,
+            shape.deformation_graph().expect("known")
+        ));
+    }
 }

@@ -64,7 +64,7 @@ impl Carried {
 
 /// Which nodes carry a surface, and how its equations are solved: what depends on its shape alone.
 #[derive(Debug)]
-pub struct Parts {
+pub struct DeformationGraph {
     /// The vertices, those whose first node is in one part of the equations and of these those that the same nodes carry
     /// one after the other, so that their equations stay in the cache.
     carried: Vec<Carried>,
@@ -78,12 +78,12 @@ pub struct Parts {
 
 /// A surface on its way to given places.
 pub struct PiecewiseAffine<'a> {
-    parts: &'a Parts,
+    graph: &'a DeformationGraph,
     /// Weight of each link by what it came to in the last round.
     held: Vec<f64>,
 }
 
-impl Parts {
+impl DeformationGraph {
     /// Of a surface at rest with nodes at these vertices.
     ///
     /// # Errors
@@ -147,10 +147,10 @@ impl Parts {
 impl<'a> PiecewiseAffine<'a> {
     /// A surface at rest.
     #[must_use]
-    pub fn new(parts: &'a Parts) -> Self {
+    pub fn new(graph: &'a DeformationGraph) -> Self {
         Self {
-            held: vec![1.0; parts.links.len()],
-            parts,
+            held: vec![1.0; graph.links.len()],
+            graph,
         }
     }
 
@@ -160,13 +160,13 @@ impl<'a> PiecewiseAffine<'a> {
     /// [`Error::NotFactorised`], [`Error::Cancelled`].
     pub fn drawn_to(&mut self, pulls: &[Pull], check: Check<'_>) -> Result<Vec<Point>> {
         check()?;
-        let Parts {
+        let DeformationGraph {
             carried,
             nodes,
             links,
             spacing,
             equations,
-        } = self.parts;
+        } = self.graph;
         let found = equations.solve(
             #[inline(always)]
             |part, section| self.add_equations(pulls, part, section),
@@ -204,13 +204,13 @@ impl<'a> PiecewiseAffine<'a> {
     /// entry of t.
     #[inline(always)]
     fn add_equations(&self, pulls: &[Pull], part: usize, section: &mut Section) {
-        let Parts {
+        let DeformationGraph {
             carried,
             nodes,
             links,
             spacing,
             equations,
-        } = self.parts;
+        } = self.graph;
         let of_part = |node: u32| equations.part(node);
         let from = carried.partition_point(|carried| of_part(carried.first_node()) < part);
         let to = carried.partition_point(|carried| of_part(carried.first_node()) <= part);
@@ -430,9 +430,9 @@ mod tests {
         (m, vector::scaled(place, weight))
     }
 
-    fn parts(shape: &Shape) -> Parts {
+    fn graph(shape: &Shape) -> DeformationGraph {
         let nodes = shape.farthest_points(60);
-        Parts::new(&shape.mesh.vertices, &shape.neighbours, nodes).expect("a pattern")
+        DeformationGraph::new(&shape.mesh.vertices, &shape.neighbours, nodes).expect("a pattern")
     }
 
     #[test]
@@ -444,7 +444,7 @@ mod tests {
             .zip(&shape.mesh.vertices)
             .map(|(v, &p)| towards(stretched(p), if v % 7 == 0 { 1e-3 } else { 0.0 }))
             .collect();
-        let found = PiecewiseAffine::new(&parts(&shape))
+        let found = PiecewiseAffine::new(&graph(&shape))
             .drawn_to(&pulls, &|| Ok(()))
             .expect("regular");
         for (&p, q) in shape.mesh.vertices.iter().zip(found) {
@@ -463,8 +463,8 @@ mod tests {
             .zip(&shape.mesh.vertices)
             .map(|(a, &p)| towards(bent(p), 0.02 * a))
             .collect();
-        let parts = parts(&shape);
-        let mut surface = PiecewiseAffine::new(&parts);
+        let graph = graph(&shape);
+        let mut surface = PiecewiseAffine::new(&graph);
         let mut off = || {
             let found = surface.drawn_to(&pulls, &|| Ok(())).expect("regular");
             let places = shape.mesh.vertices.iter().zip(found);

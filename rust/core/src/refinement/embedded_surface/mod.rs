@@ -118,15 +118,15 @@ pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a
 impl<'a> AtRest<'a> {
     /// Of a shape that is moved along another, so many units of whose length one of its own is.
     fn new(moving: &'a Shape, lengths: f64, slides: bool) -> Result<Self> {
-        let (rigidity, parts) = rayon::join(
+        let (rigidity, graph) = rayon::join(
             || moving.rigidity(),
-            || slides.then(|| moving.parts()).transpose(),
+            || slides.then(|| moving.deformation_graph()).transpose(),
         );
         let rest = moving.mesh.vertices.iter();
         let rest = rest.map(|&p| vector::scaled(p, lengths)).collect();
         Ok(Self {
             rigid: RigidSurface::new(rigidity?, rest),
-            sliding: parts?.map(PiecewiseAffine::new),
+            sliding: graph?.map(PiecewiseAffine::new),
         })
     }
 }
