@@ -142,6 +142,48 @@ impl DeformationGraph {
             equations,
         })
     }
+
+    /// Normal equations of a round of a part, and its right side, links weighted by `held`: the unknowns of a node are the rows of A, each with its
+    /// entry of t.
+    #[inline(always)]
+    fn add_equations(&self, held: &[f64], pulls: &[Pull], part: usize, section: &mut Section) {
+        let of_part = |node: u32| self.equations.part(node);
+        let from = (self.carried).partition_point(|carried| of_part(carried.first_node()) < part);
+        let to = (self.carried).partition_point(|carried| of_part(carried.first_node()) <= part);
+        for carried in &self.carried[from..to] {
+            let (m, moment) = &pulls[carried.vertex as usize];
+            let mut numbers = carried.blocks.iter();
+            for (i, (node, own)) in carried.by.iter().enumerate() {
+                for ((_, other), &number) in carried.by[i..].iter().zip(&mut numbers) {
+                    add(section.block(number), other, m, own);
+                }
+                let right = section.right(*node);
+                for (c, y) in moment.iter().enumerate() {
+                    for (a, x) in own.iter().enumerate() {
+                        right[4 * c + a] += x * y;
+                    }
+                }
+            }
+        }
+        for (&(link, [first, between, second]), held) in self.links.iter().zip(held) {
+            if of_part(link[1]) != part {
+                continue;
+            }
+            let weight = SMOOTHNESS * held;
+            let m = [[weight, 0.0, 0.0], [0.0, weight, 0.0], [0.0, 0.0, weight]];
+            for [a, b] in link_rows(&self.nodes, link, self.spacing) {
+                add(section.block(first), &a, &m, &a);
+                add(section.block(between), &b, &m, &a);
+                add(section.block(second), &b, &m, &b);
+            }
+        }
+        for node in (0..self.nodes.len() as u32).filter(|&node| of_part(node) == part) {
+            let own = section.block(self.equations.block(node, node));
+            for (m, row) in own.iter_mut().enumerate() {
+                row[m] += LEAST_PULL;
+            }
+        }
+    }
 }
 
 impl<'a> PiecewiseAffine<'a> {
@@ -160,23 +202,17 @@ impl<'a> PiecewiseAffine<'a> {
     /// [`Error::NotFactorised`], [`Error::Cancelled`].
     pub fn drawn_to(&mut self, pulls: &[Pull], check: Check<'_>) -> Result<Vec<Point>> {
         check()?;
-        let DeformationGraph {
-            carried,
-            nodes,
-            links,
-            spacing,
-            equations,
-        } = self.graph;
-        let found = equations.solve(
+        let graph = self.graph;
+        let found = graph.equations.solve(
             #[inline(always)]
-            |part, section| self.add_equations(pulls, part, section),
+            |part, section| graph.add_equations(&self.held, pulls, part, section),
         )?;
         let maps: Vec<[[f64; 4]; 3]> = found
             .iter()
             .map(|found| [0, 1, 2].map(|c| [0, 1, 2, 3].map(|a| found[4 * c + a])))
             .collect();
-        for (held, &(link, _)) in self.held.iter_mut().zip(links) {
-            let rows = link_rows(nodes, link, *spacing);
+        for (held, &(link, _)) in self.held.iter_mut().zip(&graph.links) {
+            let rows = link_rows(&graph.nodes, link, graph.spacing);
             let change: f64 = rows
                 .iter()
                 .flat_map(|row| {
@@ -185,11 +221,11 @@ impl<'a> PiecewiseAffine<'a> {
                 })
                 .map(|change| change * change)
                 .sum();
-            let small = SMALL_CHANGE * spacing;
+            let small = SMALL_CHANGE * graph.spacing;
             *held = small / (change + small * small).sqrt();
         }
-        let mut places = vec![[0.0; 3]; carried.len()];
-        for Carried { vertex, by, .. } in carried {
+        let mut places = vec![[0.0; 3]; graph.carried.len()];
+        for Carried { vertex, by, .. } in &graph.carried {
             places[*vertex as usize] = [0, 1, 2].map(|c| {
                 let parts = by
                     .iter()
@@ -198,55 +234,6 @@ impl<'a> PiecewiseAffine<'a> {
             });
         }
         Ok(places)
-    }
-
-    /// Normal equations of a round of a part, and its right side: the unknowns of a node are the rows of A, each with its
-    /// entry of t.
-    #[inline(always)]
-    fn add_equations(&self, pulls: &[Pull], part: usize, section: &mut Section) {
-        let DeformationGraph {
-            carried,
-            nodes,
-            links,
-            spacing,
-            equations,
-        } = self.graph;
-        let of_part = |node: u32| equations.part(node);
-        let from = carried.partition_point(|carried| of_part(carried.first_node()) < part);
-        let to = carried.partition_point(|carried| of_part(carried.first_node()) <= part);
-        for carried in &carried[from..to] {
-            let (m, moment) = &pulls[carried.vertex as usize];
-            let mut numbers = carried.blocks.iter();
-            for (i, (node, own)) in carried.by.iter().enumerate() {
-                for ((_, other), &number) in carried.by[i..].iter().zip(&mut numbers) {
-                    add(section.block(number), other, m, own);
-                }
-                let right = section.right(*node);
-                for (c, y) in moment.iter().enumerate() {
-                    for (a, x) in own.iter().enumerate() {
-                        right[4 * c + a] += x * y;
-                    }
-                }
-            }
-        }
-        for (&(link, [first, between, second]), held) in links.iter().zip(&self.held) {
-            if of_part(link[1]) != part {
-                continue;
-            }
-            let weight = SMOOTHNESS * held;
-            let m = [[weight, 0.0, 0.0], [0.0, weight, 0.0], [0.0, 0.0, weight]];
-            for [a, b] in link_rows(nodes, link, *spacing) {
-                add(section.block(first), &a, &m, &a);
-                add(section.block(between), &b, &m, &a);
-                add(section.block(second), &b, &m, &b);
-            }
-        }
-        for node in (0..nodes.len() as u32).filter(|&node| of_part(node) == part) {
-            let own = section.block(equations.block(node, node));
-            for (m, row) in own.iter_mut().enumerate() {
-                row[m] += LEAST_PULL;
-            }
-        }
     }
 }
 
