@@ -1,7 +1,5 @@
 //! A checked triangle mesh: the clean part of what was given, at unit area.
 
-use std::collections::HashSet;
-
 use crate::error::{Error, Result};
 use crate::vector::{self, Point};
 
@@ -400,22 +398,20 @@ fn checked_faces(
             }
         }
     }
-    let used: Vec<Point> = faces
-        .iter()
-        .flatten()
-        .map(|&v| vertices[v as usize])
-        .collect();
-    let low = used
-        .iter()
-        .fold([f64::INFINITY; 3], |m, p| [0, 1, 2].map(|i| m[i].min(p[i])));
-    let high = used.iter().fold([f64::NEG_INFINITY; 3], |m, p| {
-        [0, 1, 2].map(|i| m[i].max(p[i]))
-    });
+    let mut used = vec![false; vertices.len()];
+    for &v in faces.iter().flatten() {
+        used[v as usize] = true;
+    }
+    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
+    for (p, _) in vertices.iter().zip(&used).filter(|(_, used)| **used) {
+        low = [0, 1, 2].map(|i| low[i].min(p[i]));
+        high = [0, 1, 2].map(|i| high[i].max(p[i]));
+    }
     let unit = (0..3)
         .map(|i| high[i] / 2.0 - low[i] / 2.0)
         .fold(0.0, f64::max)
         * 2.0;
-    if used.is_empty() || unit <= 0.0 {
+    if faces.is_empty() || unit <= 0.0 {
         return Err(Error::EmptyMesh {
             vertices: vertices.len(),
             faces: faces.len(),
@@ -427,22 +423,13 @@ fn checked_faces(
         .map(|p| [0, 1, 2].map(|i| p[i] / unit - origin[i] / unit))
         .collect();
 
-    let mut seen = HashSet::with_capacity(faces.len());
-    let mut kept = Vec::with_capacity(faces.len());
-    for (id, corners) in faces.iter().enumerate() {
-        let face = corners.map(|v| v as u32);
-        if face[0] == face[1] || face[1] == face[2] || face[2] == face[0] {
-            report.zero_area_faces += 1;
-            continue;
-        }
-        let mut key = face;
-        key.sort_unstable();
-        if !seen.insert(key) {
-            report.duplicate_faces += 1;
-            continue;
-        }
-        kept.push((id as u32, face));
-    }
+    let mut kept: FacesWithIds = (0..)
+        .zip(faces)
+        .map(|(id, corners)| (id, corners.map(|v| v as u32)))
+        .filter(|(_, [a, b, c])| a != b && b != c && c != a)
+        .collect();
+    report.zero_area_faces += faces.len() - kept.len();
+    drop_duplicates(&mut kept, report);
     drop_flat_faces(&normalised, &mut kept, report);
     if kept.iter().all(|(_, f)| is_flat(&normalised, *f)) {
         return Err(Error::EmptyMesh {
@@ -451,6 +438,24 @@ fn checked_faces(
         });
     }
     Ok((kept, normalised, unit, origin))
+}
+
+/// Keeps the first of faces with the same corners.
+fn drop_duplicates(faces: &mut FacesWithIds, report: &mut IntakeReport) {
+    let corners = (0..).zip(faces.iter()).map(|(place, &(_, face))| {
+        let mut corners = face;
+        corners.sort_unstable();
+        (corners, place)
+    });
+    let sorted: Vec<([u32; 3], u32)> = sorted_by_vertex(corners, |(corners, _)| corners[0]);
+    let mut repeated = vec![false; faces.len()];
+    for pair in sorted.windows(2).filter(|pair| pair[0].0 == pair[1].0) {
+        repeated[pair[1].1 as usize] = true;
+    }
+    let before = faces.len();
+    let mut fate = repeated.iter();
+    faces.retain(|_| fate.next() == Some(&false));
+    report.duplicate_faces += before - faces.len();
 }
 
 /// Whether a face has no area worth the name.
@@ -550,38 +555,75 @@ fn find(parent: &mut [u32], v: u32) -> u32 {
 }
 
 /// Edge with its faces; the flag says whether the face runs from the lower to the higher vertex.
-pub(crate) fn edge_faces(faces: impl Iterator<Item = [u32; 3]>) -> Vec<(u32, u32, u32, bool)> {
-    let mut edges: Vec<(u32, u32, u32, bool)> = faces
-        .enumerate()
-        .flat_map(|(i, [a, b, c])| {
-            [(a, b), (b, c), (c, a)].map(|(u, v)| (u.min(v), u.max(v), i as u32, u < v))
-        })
-        .collect();
-    edges.sort_unstable();
-    edges
+pub(crate) fn edge_faces(
+    faces: impl Iterator<Item = [u32; 3]> + Clone,
+) -> Vec<(u32, u32, u32, bool)> {
+    let edges = (0..).zip(faces).flat_map(|(face, [a, b, c])| {
+        [(a, b), (b, c), (c, a)].map(|(u, v)| (u.min(v), u.max(v), face, u < v))
+    });
+    sorted_by_vertex(edges, |edge| edge.0)
+}
+
+/// Entries in their order, which begins with the order of a `vertex` that few of them share: each goes straight to
+/// those of its vertex.
+fn sorted_by_vertex<T: Ord + Copy + Default>(
+    entries: impl Iterator<Item = T> + Clone,
+    vertex: impl Fn(&T) -> u32,
+) -> Vec<T> {
+    let mut ends = Vec::new();
+    for entry in entries.clone() {
+        let v = vertex(&entry) as usize;
+        if v >= ends.len() {
+            ends.resize(v + 1, 0);
+        }
+        ends[v] += 1;
+    }
+    let mut count = 0;
+    for end in &mut ends {
+        count += std::mem::replace(end, count);
+    }
+    let mut sorted = vec![T::default(); count];
+    for entry in entries {
+        let end = &mut ends[vertex(&entry) as usize];
+        sorted[*end] = entry;
+        *end += 1;
+    }
+    let mut start = 0;
+    for end in ends {
+        sorted[start..end].sort_unstable();
+        start = end;
+    }
+    sorted
 }
 
 /// Turns windings so that neighbours across manifold edges agree; each part connected that way
 /// keeps the winding of the majority of its faces. Returns which faces were turned.
 fn orient(faces: &mut FacesWithIds, report: &mut IntakeReport) -> Vec<bool> {
+    /// No face across an edge.
+    const NOTHING: (u32, bool) = (u32::MAX, false);
     let edges = edge_faces(faces.iter().map(|(_, f)| *f));
-    let mut links: Vec<(u32, u32, bool)> = Vec::with_capacity(edges.len());
+    // The faces across the edges of each, and whether both wind alike.
+    let mut across = vec![[NOTHING; 3]; faces.len()];
+    let mut link = |face: u32, other: u32, agree: bool| {
+        let own = &mut across[face as usize];
+        if let Some(free) = own.iter_mut().find(|place| **place == NOTHING) {
+            *free = (other, agree);
+        }
+    };
     for run in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
         match run {
             [_] => report.boundary_edges += 1,
             [a, b] => {
                 let agree = a.3 != b.3;
-                links.push((a.2, b.2, agree));
-                links.push((b.2, a.2, agree));
+                link(a.2, b.2, agree);
+                link(b.2, a.2, agree);
             }
             _ => report.nonmanifold_edges += 1,
         }
     }
-    links.sort_unstable();
-    let row = |f: u32| {
-        let start = links.partition_point(|l| l.0 < f);
-        links[start..].iter().take_while(move |l| l.0 == f)
-    };
+    for own in &mut across {
+        own.sort_unstable();
+    }
     let mut turned: Vec<Option<bool>> = vec![None; faces.len()];
     for seed in 0..faces.len() {
         if turned[seed].is_some() {
@@ -594,7 +636,7 @@ fn orient(faces: &mut FacesWithIds, report: &mut IntakeReport) -> Vec<bool> {
             let f = patch[next];
             next += 1;
             let flag = turned[f as usize] == Some(true);
-            for &(_, g, agree) in row(f) {
+            for &(g, agree) in across[f as usize].iter().filter(|&&own| own != NOTHING) {
                 if turned[g as usize].is_none() {
                     turned[g as usize] = Some(flag == agree);
                     patch.push(g);
@@ -633,4 +675,19 @@ fn area_and_centroid(positions: &[Point], faces: &[[u32; 3]]) -> (f64, Point) {
         moment = vector::add(moment, vector::scaled(corners, weight / 3.0));
     }
     (area, vector::scaled(moment, 1.0 / area))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn entries_sorted_by_vertex_are_in_the_order_of_a_sort() {
+        // Products modulo a prime scatter; vertices are repeated, and some have no entry.
+        let entries = (1..500u32).map(|i| ((i * 7919) % 101 / 2, (i * 104_729) % 997, i));
+        let mut expected: Vec<_> = entries.clone().collect();
+        expected.sort_unstable();
+        assert_eq!(sorted_by_vertex(entries, |entry| entry.0), expected);
+        assert!(sorted_by_vertex(std::iter::empty::<(u32, u32)>(), |entry| entry.0).is_empty());
+    }
 }
