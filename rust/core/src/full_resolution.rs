@@ -343,8 +343,11 @@ impl Ground<'_> {
                 weights: [1.0, 0.0, 0.0],
             },
         );
-        let mut around = |v: u32| {
+        let mut around = |v: u32, seen: &[u32]| {
             for &face in self.vertex_faces.row(v as usize) {
+                if self.faces[face as usize].iter().any(|v| seen.contains(v)) {
+                    continue;
+                }
                 let found = self.on_face(place, normal, face);
                 if found.0 < best.0 {
                     best = found;
@@ -352,10 +355,12 @@ impl Ground<'_> {
             }
             best.1.face
         };
-        let face = around(at);
+        let face = around(at, &[]);
+        let mut seen = [at; 2];
         for corner in self.faces[face as usize] {
             if corner != at {
-                around(corner);
+                around(corner, &seen);
+                seen[1] = corner;
             }
         }
         best.1

@@ -4,9 +4,11 @@
 //! tenth of √area, so that a mesh of some ten thousand vertices shows it as well as one of a
 //! million. Fingers and ears are thin, though, and keep more vertices than their area.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+mod faces_around;
+mod queue;
 
+use self::faces_around::FacesAround;
+use self::queue::Queue;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
 use crate::vector::{self, Point};
@@ -44,8 +46,8 @@ pub struct Simplified {
 /// Vertices go in the order of the area around them, which counts more where it [bends](BENDING), the smallest first,
 /// each into that neighbour which leaves the best shaped triangles; so the rest is spread evenly. The topology stays: an
 /// edge is collapsed only when its ends have no common neighbours but those across it, boundaries
-/// shrink along themselves, and vertices at non-manifold edges stay. Memory: 40 bytes a vertex
-/// and 28 a face. The result does not depend on the number of threads.
+/// shrink along themselves, and vertices at non-manifold edges stay. Memory: about 90 bytes a vertex
+/// and 24 a face. The result does not depend on the number of threads.
 ///
 /// # Errors
 /// [`Error::Cancelled`].
@@ -68,9 +70,7 @@ struct Collapser<'a> {
     positions: &'a [Point],
     /// Corners of each face; a dead one has `NONE` in front.
     faces: Vec<[u32; 3]>,
-    /// First corner (three times the face, plus its place there) of each vertex, and the next one.
-    head: Vec<u32>,
-    next: Vec<u32>,
+    around: FacesAround,
     /// Which vertex a removed one was merged into; itself for the others.
     merged: Vec<u32>,
     /// Twice the area of the faces around each vertex, or what it waits for.
@@ -81,11 +81,25 @@ struct Collapser<'a> {
     fan: Fan,
 }
 
+/// The corners of a face after one of them, in order.
+fn others(face: [u32; 3], corner: u32) -> [u32; 2] {
+    let [a, b, c] = face;
+    if corner == a {
+        [b, c]
+    } else if corner == b {
+        [c, a]
+    } else {
+        [a, b]
+    }
+}
+
 /// The faces around a vertex u in order: (u, x, y) for each.
 #[derive(Default)]
 struct Fan {
     faces: Vec<u32>,
     edges: Vec<[u32; 2]>,
+    /// Twice the area of each face times its normal, and its length.
+    normals: Vec<(Point, f64)>,
     /// Vertices around, in order; an open fan has one more than edges.
     ring: Vec<u32>,
     open: bool,
@@ -96,60 +110,55 @@ struct Fan {
 impl<'a> Collapser<'a> {
     fn new(positions: &'a [Point], faces: &[[u32; 3]]) -> Self {
         let n = positions.len();
-        let mut collapser = Self {
+        let mut star = vec![0.0; n];
+        for corners in faces {
+            let area = vector::norm(normal(corners.map(|v| positions[v as usize]))) as f32;
+            for &v in corners {
+                star[v as usize] += area;
+            }
+        }
+        Self {
             positions,
             faces: faces.to_vec(),
-            head: vec![NONE; n],
-            next: vec![NONE; 3 * faces.len()],
+            around: FacesAround::new(n, faces),
             merged: (0..n as u32).collect(),
-            star: vec![0.0; n],
+            star,
             stamp: vec![0; n],
             now: 0,
             fan: Fan::default(),
-        };
-        for (f, corners) in faces.iter().enumerate() {
-            let area = vector::norm(normal(corners.map(|v| positions[v as usize]))) as f32;
-            for (i, &v) in corners.iter().enumerate() {
-                let corner = (3 * f + i) as u32;
-                collapser.next[corner as usize] = collapser.head[v as usize];
-                collapser.head[v as usize] = corner;
-                collapser.star[v as usize] += area;
-            }
         }
-        collapser
     }
 
     fn reduce(&mut self, wanted: usize, cancelled: &(dyn Fn() -> bool + Sync)) -> Result<()> {
         let mut left = self.positions.len();
         let total: f32 = self.star.iter().sum();
-        // Bits of non-negative floats are in the order of the floats.
-        let mut queue: BinaryHeap<Reverse<(u32, u32)>> = (0..left as u32)
-            .map(|v| Reverse((self.star[v as usize].to_bits(), v)))
-            .collect();
+        let mut queue = Queue::new();
+        for (v, &star) in (0..).zip(&self.star) {
+            queue.push(star, v);
+        }
         let mut steps = 0usize;
         while left > wanted
-            && let Some(Reverse((bits, v))) = queue.pop()
+            && let Some((key, v)) = queue.pop()
         {
             steps += 1;
             if steps.is_multiple_of(COLLAPSES_A_CHECK) && cancelled() {
                 return Err(Error::Cancelled);
             }
-            let key = f32::from_bits(bits);
             let star = self.star[v as usize];
             if star > key {
-                queue.push(Reverse((star.to_bits(), v)));
+                queue.push(star, v);
                 continue;
             }
             let weight = star.max(self.weight(v));
             if weight > key {
-                queue.push(Reverse((weight.to_bits(), v)));
+                queue.push(weight, v);
             } else if self.remove(v) {
                 left -= 1;
             } else {
                 let later = key * PATIENCE;
                 if later > 0.0 && later < total {
                     self.star[v as usize] = self.star[v as usize].max(later);
-                    queue.push(Reverse((later.to_bits(), v)));
+                    queue.push(later, v);
                 }
             }
         }
@@ -159,15 +168,10 @@ impl<'a> Collapser<'a> {
     /// Twice the area around a vertex, and [more](BENDING) where it bends.
     fn weight(&self, v: u32) -> f32 {
         let (mut sum, mut area) = ([0.0; 3], 0.0);
-        let mut corner = self.head[v as usize];
-        while corner != NONE {
-            let corners = self.faces[corner as usize / 3];
-            if corners[0] != NONE {
-                let normal = normal(corners.map(|c| self.positions[c as usize]));
-                sum = vector::add(sum, normal);
-                area += vector::norm(normal);
-            }
-            corner = self.next[corner as usize];
+        for &face in self.around.of(v) {
+            let normal = normal(self.faces[face as usize].map(|c| self.positions[c as usize]));
+            sum = vector::add(sum, normal);
+            area += vector::norm(normal);
         }
         let share = (vector::norm(sum) / area).max(LEAST_SHARE);
         (area / share.powi(BENDING)) as f32
@@ -186,22 +190,13 @@ impl<'a> Collapser<'a> {
         fan.faces.clear();
         fan.edges.clear();
         fan.ring.clear();
-        let mut corner = self.head[u as usize];
-        while corner != NONE {
-            let (f, i) = (corner as usize / 3, corner as usize % 3);
-            let c = self.faces[f];
-            if c[0] != NONE {
-                if fan.faces.len() == LARGEST_STAR {
-                    return false;
-                }
-                fan.faces.push(f as u32);
-                fan.edges.push([c[(i + 1) % 3], c[(i + 2) % 3]]);
-            }
-            corner = self.next[corner as usize];
-        }
-        if fan.edges.len() < 2 {
+        let row = self.around.of(u);
+        if row.len() < 2 || row.len() > LARGEST_STAR {
             return false;
         }
+        fan.faces.extend_from_slice(row);
+        let edges = row.iter().map(|&f| others(self.faces[f as usize], u));
+        fan.edges.extend(edges);
         // An open fan starts with the edge that none precedes.
         let starts = |fan: &Fan| {
             (0..fan.edges.len())
@@ -244,13 +239,20 @@ impl<'a> Collapser<'a> {
 
     fn merge_into_best(&mut self, u: u32, fan: &mut Fan) -> bool {
         let count = fan.ring.len();
+        let place = |v: u32| self.positions[v as usize];
+        let around = fan.edges.iter().map(|&[x, y]| {
+            let normal = normal([place(u), place(x), place(y)]);
+            (normal, vector::norm(normal))
+        });
+        fan.normals.clear();
+        fan.normals.extend(around);
         fan.choices.clear();
         for at in 0..count {
             // A boundary vertex moves along its boundary only.
             if fan.open && at != 0 && at != count - 1 {
                 continue;
             }
-            let score = self.score(u, at, fan);
+            let score = self.score(at, fan);
             if score >= LEAST_QUALITY {
                 fan.choices.push((score, at));
             }
@@ -267,18 +269,18 @@ impl<'a> Collapser<'a> {
         false
     }
 
-    /// The worst triangle after merging `u` into a vertex of its ring.
-    fn score(&self, u: u32, at: usize, fan: &Fan) -> f64 {
+    /// The worst triangle after merging the fan's vertex into one of its ring, or one that is bad enough.
+    fn score(&self, at: usize, fan: &Fan) -> f64 {
         let to = fan.ring[at];
-        let (p, q) = (self.positions[u as usize], self.positions[to as usize]);
+        let q = self.positions[to as usize];
         let mut worst = 1.0f64;
-        for &[x, y] in &fan.edges {
+        for (&[x, y], &(before, old)) in fan.edges.iter().zip(&fan.normals) {
             if x == to || y == to {
                 continue;
             }
             let (x, y) = (self.positions[x as usize], self.positions[y as usize]);
-            let (before, after) = (normal([p, x, y]), normal([q, x, y]));
-            let (old, new) = (vector::norm(before), vector::norm(after));
+            let after = normal([q, x, y]);
+            let new = vector::norm(after);
             let squares = [(q, x), (x, y), (y, q)].map(|(a, b)| {
                 let d = vector::sub(a, b);
                 vector::dot(d, d)
@@ -290,14 +292,11 @@ impl<'a> Collapser<'a> {
                 1.0
             };
             let score = quality * turned;
-            // Written so that NaN of a vanished triangle fails.
-            worst = if score >= worst {
-                worst
-            } else if score > 0.0 {
-                score
-            } else {
+            // NaN is that of a vanished triangle.
+            if score.is_nan() || score < LEAST_QUALITY {
                 return 0.0;
-            };
+            }
+            worst = worst.min(score);
         }
         worst
     }
@@ -309,25 +308,19 @@ impl<'a> Collapser<'a> {
         let closes = fan.edges.len() == 3 && !fan.open;
         self.now += 1;
         let mut common = 0;
-        let mut corner = self.head[v as usize];
-        while corner != NONE {
-            let (f, i) = (corner as usize / 3, corner as usize % 3);
-            let c = self.faces[f];
-            if c[0] != NONE {
-                let others = [c[(i + 1) % 3], c[(i + 2) % 3]];
-                // The three faces of a vertex become one, which must not be there already.
-                if closes && others.iter().all(|&x| x != u && fan.ring.contains(&x)) {
-                    self.restamp(fan);
-                    return false;
-                }
-                for x in others {
-                    if x != u && self.stamp[x as usize] == ring {
-                        self.stamp[x as usize] = self.now;
-                        common += 1;
-                    }
+        for &face in self.around.of(v) {
+            let others = others(self.faces[face as usize], v);
+            // The three faces of a vertex become one, which must not be there already.
+            if closes && others.iter().all(|&x| x != u && fan.ring.contains(&x)) {
+                self.restamp(fan);
+                return false;
+            }
+            for x in others {
+                if x != u && self.stamp[x as usize] == ring {
+                    self.stamp[x as usize] = self.now;
+                    common += 1;
                 }
             }
-            corner = self.next[corner as usize];
         }
         self.restamp(fan);
         common == across
@@ -346,8 +339,8 @@ impl<'a> Collapser<'a> {
             |corners: [u32; 3]| vector::norm(normal(corners.map(|c| self.positions[c as usize])));
         let mut grown = 0.0;
         let mut changes = [0f32; LARGEST_STAR];
-        for (change, &[x, y]) in changes.iter_mut().zip(&fan.edges) {
-            let old = twice_area([u, x, y]);
+        let faces = fan.edges.iter().zip(&fan.normals);
+        for (change, (&[x, y], &(_, old))) in changes.iter_mut().zip(faces) {
             let vanishes = x == v || y == v;
             let new = if vanishes { 0.0 } else { twice_area([v, x, y]) };
             *change = (new - old) as f32;
@@ -359,66 +352,20 @@ impl<'a> Collapser<'a> {
             }
         }
         self.star[v as usize] += grown as f32;
-        for &f in &fan.faces {
-            let corners = &mut self.faces[f as usize];
-            if corners.contains(&v) {
+        for (&face, &[x, y]) in fan.faces.iter().zip(&fan.edges) {
+            let corners = &mut self.faces[face as usize];
+            if x == v || y == v {
                 corners[0] = NONE;
+                self.around.remove(face, if x == v { y } else { x });
             } else {
                 for c in corners.iter_mut().filter(|c| **c == u) {
                     *c = v;
                 }
             }
         }
-        self.unlink_dead(v);
-        for &x in &fan.ring {
-            if x != v {
-                self.unlink_dead(x);
-            }
-        }
-        // What is left of u's corners goes in front of v's.
-        let mut tail = NONE;
-        let mut corner = self.head[u as usize];
-        let mut first = NONE;
-        while corner != NONE {
-            let after = self.next[corner as usize];
-            if self.faces[corner as usize / 3][0] != NONE {
-                if tail == NONE {
-                    first = corner;
-                } else {
-                    self.next[tail as usize] = corner;
-                }
-                tail = corner;
-            }
-            corner = after;
-        }
-        if tail != NONE {
-            self.next[tail as usize] = self.head[v as usize];
-            self.head[v as usize] = first;
-        }
-        self.head[u as usize] = NONE;
+        self.around
+            .join(u, v, |face| self.faces[face as usize][0] != NONE);
         self.merged[u as usize] = v;
-    }
-
-    /// Takes dead faces out of a vertex's list.
-    fn unlink_dead(&mut self, v: u32) {
-        let mut tail = NONE;
-        let mut corner = self.head[v as usize];
-        self.head[v as usize] = NONE;
-        while corner != NONE {
-            let after = self.next[corner as usize];
-            if self.faces[corner as usize / 3][0] != NONE {
-                if tail == NONE {
-                    self.head[v as usize] = corner;
-                } else {
-                    self.next[tail as usize] = corner;
-                }
-                tail = corner;
-            }
-            corner = after;
-        }
-        if tail != NONE {
-            self.next[tail as usize] = NONE;
-        }
     }
 
     fn finished(mut self) -> Simplified {
