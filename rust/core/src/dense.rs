@@ -1,5 +1,7 @@
 //! Small dense algebra in a fixed order of operations, so that results do not depend on threads.
 
+use std::hint::black_box;
+
 use faer::linalg::matmul::matmul;
 use faer::linalg::matmul::triangular::{self, BlockStructure};
 use faer::linalg::solvers::Solve;
@@ -115,6 +117,8 @@ pub const LANES: usize = 8;
 #[inline(always)]
 #[must_use]
 pub fn sum_of_lanes(lanes: [f32; LANES]) -> f32 {
+    // Seeing what is added at the end, the compiler takes apart all that comes before and works on two lanes at a time.
+    let lanes = black_box(lanes);
     let (low, high) = lanes.split_at(LANES / 2);
     let mut halves = [0.0; LANES / 2];
     for (half, (x, y)) in halves.iter_mut().zip(low.iter().zip(high)) {
@@ -129,22 +133,46 @@ pub const COMPARED: usize = 2 * LANES;
 /// ‖a − b‖², or anything above `limit` once it exceeds that.
 #[must_use]
 #[inline(always)]
-pub fn squared_distance(a: &[f32], b: &[f32], limit: f32) -> f32 {
-    let (x, y) = (a.chunks_exact(COMPARED), b.chunks_exact(COMPARED));
-    let (rest_x, rest_y) = (x.remainder(), y.remainder());
-    let mut sum = 0.0;
-    if !rest_x.is_empty() {
-        let last = |rest| <[f32]>::chunks_exact(rest, LANES).remainder();
-        let last = last(rest_x).iter().zip(last(rest_y));
-        sum = last.map(|(p, q)| (p - q) * (p - q)).sum::<f32>() + squares_in_lanes(rest_x, rest_y);
-    }
-    for (x, y) in x.zip(y) {
+pub fn squared_distance_within(a: &[f32], b: &[f32], limit: f32) -> f32 {
+    let ((x, rest_x), (y, rest_y)) = (a.as_chunks::<COMPARED>(), b.as_chunks::<COMPARED>());
+    let mut sum = squared_rest(rest_x, rest_y);
+    for (x, y) in x.iter().zip(y) {
         sum += squares_in_lanes(x, y);
         if sum > limit {
             return sum;
         }
     }
     sum
+}
+
+/// ‖a − b‖².
+#[must_use]
+#[inline(always)]
+pub fn squared_distance(a: &[f32], b: &[f32]) -> f32 {
+    let ((x, rest_x), (y, rest_y)) = (a.as_chunks::<COMPARED>(), b.as_chunks::<COMPARED>());
+    let mut lanes = [0.0; COMPARED];
+    for (x, y) in x.iter().zip(y) {
+        for l in 0..COMPARED {
+            let d = x[l] - y[l];
+            lanes[l] += d * d;
+        }
+    }
+    let mut halves = [0.0; LANES];
+    for l in 0..LANES {
+        halves[l] = lanes[l] + lanes[LANES + l];
+    }
+    sum_of_lanes(halves) + squared_rest(rest_x, rest_y)
+}
+
+/// ‖x − y‖² over fewer coordinates than are compared at once.
+#[inline(always)]
+fn squared_rest(x: &[f32], y: &[f32]) -> f32 {
+    if x.is_empty() {
+        return 0.0;
+    }
+    let last = |rest| <[f32]>::chunks_exact(rest, LANES).remainder();
+    let last = last(x).iter().zip(last(y));
+    last.map(|(p, q)| (p - q) * (p - q)).sum::<f32>() + squares_in_lanes(x, y)
 }
 
 /// ‖x − y‖² over as many coordinates as fill whole lanes.
@@ -344,6 +372,28 @@ impl Rows {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn squared_distances_of_any_length_are_sums_of_squares() {
+        for dims in [0, 1, 7, 8, 9, 15, 16, 17, 24, 31, 32, 150] {
+            let [a, b] = [0.7f32, 1.3]
+                .map(|step| -> Vec<f32> { (0..dims).map(|i| (step * i as f32).sin()).collect() });
+            let terms = a.iter().zip(&b).map(|(x, y)| f64::from(x - y).powi(2));
+            let sum: f64 = terms.sum();
+            // Single precision's rounding of at most 150 terms.
+            let close = |found: f32| (f64::from(found) - sum).abs() <= 1e-5 * sum;
+            assert!(close(squared_distance(&a, &b)), "{dims}");
+            assert!(
+                close(squared_distance_within(&a, &b, f32::INFINITY)),
+                "{dims}"
+            );
+            let limit = 0.4 * sum as f32;
+            assert!(
+                sum == 0.0 || squared_distance_within(&a, &b, limit) > limit,
+                "{dims}"
+            );
+        }
+    }
 
     #[test]
     fn rows_times_a_matrix_are_those_of_the_product() {

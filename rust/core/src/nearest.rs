@@ -3,7 +3,9 @@
 use faer::{Accum, Mat, MatRef};
 use rayon::prelude::*;
 
-use crate::dense::{COMPARED, Rows, multiply, squared_distance, vectorised};
+use crate::dense::{
+    COMPARED, Rows, multiply, squared_distance, squared_distance_within, vectorised,
+};
 use crate::error::Result;
 use crate::mesh::{self, Adjacency};
 use crate::progress::Check;
@@ -165,7 +167,7 @@ impl<'a> EmbeddedCells<'a> {
         let centres = vertices.gather_widened(&cells.centres, dims);
         let radius = |cell: usize| {
             let [from, to] = [0, 1].map(|i| members.starts[cell + i] as usize);
-            let away = |i| squared_distance(rows.row(i), centres.row(cell), f32::INFINITY);
+            let away = |i| squared_distance(rows.row(i), centres.row(cell));
             (from..to).map(away).fold(0.0, f32::max).sqrt()
         };
         Self {
@@ -225,7 +227,7 @@ impl<'a> EmbeddedCells<'a> {
     fn look_into(&self, cell: usize, query: &[f32], best: &mut (f32, u32)) {
         let from = self.members.starts[cell] as usize;
         for (i, &vertex) in (from..).zip(self.members.row(cell)) {
-            let square = squared_distance(self.rows.row(i), query, best.0);
+            let square = squared_distance_within(self.rows.row(i), query, best.0);
             if square < best.0 || (square == best.0 && vertex < best.1) {
                 *best = (square, vertex);
             }
@@ -330,9 +332,7 @@ mod tests {
             }
             for vertices in [placed, scattered(count as usize, dims, 2)] {
                 let found = cells.nearest(&queries, &vertices, &|| Ok(()));
-                let away = |q: usize, v: usize| {
-                    squared_distance(queries.row(q), vertices.row(v), f32::INFINITY)
-                };
+                let away = |q: usize, v: usize| squared_distance(queries.row(q), vertices.row(v));
                 let all = 0..count as usize;
                 let nearest = |q| {
                     all.clone()

@@ -63,7 +63,7 @@ impl<'a> EmbeddedTriangles<'a> {
                     let mut sides = Vec::with_capacity(faces.len());
                     for corners in faces {
                         let [a, b, c] = corners.map(|v| rows.row(v as usize));
-                        sides.push(products_from(a, [(b, b), (b, c), (c, c)]));
+                        sides.push(products_from(a, [b, c], [(0, 0), (0, 1), (1, 1)]));
                     }
                     sides
                 },
@@ -133,7 +133,7 @@ impl Distances<'_> {
             return distance;
         }
         let row = self.rows.row(vertex as usize);
-        let distance = f64::from(squared_distance(self.query, row, f32::INFINITY));
+        let distance = f64::from(squared_distance(self.query, row));
         self.known.push((vertex, distance));
         distance
     }
@@ -254,11 +254,10 @@ pub fn projected_at_full_resolution(
 struct NearFaces {
     /// Gram matrix of t₁ − t₀, t₂ − t₀.
     own: [f64; 3],
-    /// Source vertices v, ascending.
-    vertices: Vec<u32>,
-    /// ⟨t₁ − t₀, v − t₀⟩, ⟨t₂ − t₀, v − t₀⟩, ‖v − t₀‖² of each.
+    /// ⟨t₁ − t₀, v − t₀⟩, ⟨t₂ − t₀, v − t₀⟩, ‖v − t₀‖² of each source vertex v.
     products: Vec<[f64; 3]>,
-    faces: Vec<u32>,
+    /// Faces with the places of their corners among the vertices.
+    faces: Vec<(u32, [usize; 3])>,
 }
 
 impl NearFaces {
@@ -281,77 +280,93 @@ impl NearFaces {
         }
         faces.sort_unstable();
         faces.dedup();
-        let mut vertices: Vec<u32> = faces
-            .iter()
-            .flat_map(|&f| source.mesh.faces[f as usize])
-            .collect();
+        let corners_of = |face: u32| source.mesh.faces[face as usize];
+        let mut vertices: Vec<u32> = faces.iter().flat_map(|&face| corners_of(face)).collect();
         vertices.sort_unstable();
         vertices.dedup();
+        let place = |v: u32| vertices.partition_point(|&other| other < v);
+        let faces = faces
+            .into_iter()
+            .map(|face| (face, corners_of(face).map(place)))
+            .collect();
         let [t0, t1, t2] = corners;
         let mut products = Vec::with_capacity(vertices.len());
         for &v in &vertices {
-            let row = rows.row(v as usize);
-            products.push(products_from(t0, [(t1, row), (t2, row), (row, row)]));
+            let v = rows.row(v as usize);
+            products.push(products_from(t0, [t1, t2, v], [(0, 2), (1, 2), (2, 2)]));
         }
         Self {
-            own: products_from(t0, [(t1, t1), (t1, t2), (t2, t2)]),
-            vertices,
+            own: products_from(t0, [t1, t2], [(0, 0), (0, 1), (1, 1)]),
             products,
             faces,
         }
     }
 
-    /// Closest point of the faces to the point of the target face with these weights.
+    /// Closest point, of the faces around the two nearest vertices, to the point of the target face with these weights.
     fn closest(&self, [_, w1, w2]: [f64; 3], source: &EmbeddedTriangles<'_>) -> SurfacePoint {
         let [e11, e12, e22] = self.own;
         let square = w1 * w1 * e11 + 2.0 * w1 * w2 * e12 + w2 * w2 * e22;
+        // ‖v − q‖² without ‖q − t₀‖².
+        let distance =
+            |[along1, along2, square]: [f64; 3]| square - 2.0 * (w1 * along1 + w2 * along2);
+        let (mut first, mut second) = ((f64::INFINITY, 0), (f64::INFINITY, 0));
+        for (v, &products) in self.products.iter().enumerate() {
+            let distance = distance(products);
+            if distance < first.0 {
+                (first, second) = ((distance, v), first);
+            } else if distance < second.0 {
+                second = (distance, v);
+            }
+        }
         let mut best = Closest::NONE;
-        for &face in &self.faces {
-            // ⟨v − t₀, q − t₀⟩ and ‖v − t₀‖² of each corner.
-            let [a, b, c] = source.shape.mesh.faces[face as usize].map(|v| {
-                let at = self.vertices.partition_point(|&u| u < v);
-                let [along1, along2, square] = self.products[at];
-                (w1 * along1 + w2 * along2, square)
-            });
-            let more = |v: (f64, f64)| v.1 - a.1 - 2.0 * (v.0 - a.0);
+        for &(face, corners) in &self.faces {
+            if !corners.contains(&first.1) && !corners.contains(&second.1) {
+                continue;
+            }
+            let [a, b, c] = corners.map(|v| distance(self.products[v]));
             best.try_triangle(
                 face,
                 source.sides[face as usize],
-                [square - 2.0 * a.0 + a.1, more(b), more(c)],
+                [square + a, b - a, c - a],
             );
         }
         best.point
     }
 }
 
-/// ⟨x − o, y − o⟩ of each pair. In a loop, since a closure would be compiled for narrow registers.
+/// ⟨x − o, y − o⟩ of three pairs of vectors, given by their places.
 #[inline(always)]
-fn products_from(o: &[f32], pairs: [(&[f32], &[f32]); 3]) -> [f64; 3] {
-    let mut products = [0.0; 3];
-    for (product, (x, y)) in products.iter_mut().zip(pairs) {
-        *product = product_from(o, x, y);
-    }
-    products
-}
-
-/// ⟨x − o, y − o⟩.
-#[inline(always)]
-fn product_from(o: &[f32], x: &[f32], y: &[f32]) -> f64 {
-    let mut lanes = [0f32; LANES];
+fn products_from<const N: usize>(
+    o: &[f32],
+    vectors: [&[f32]; N],
+    pairs: [(usize, usize); 3],
+) -> [f64; 3] {
+    let (mut lanes, mut rest) = ([[0f32; LANES]; 3], [0f32; 3]);
     let whole = o.len() / LANES * LANES;
-    for ((o, x), y) in o[..whole]
-        .chunks_exact(LANES)
-        .zip(x[..whole].chunks_exact(LANES))
-        .zip(y[..whole].chunks_exact(LANES))
-    {
-        for l in 0..LANES {
-            lanes[l] += (x[l] - o[l]) * (y[l] - o[l]);
+    for from in (0..whole).step_by(LANES) {
+        let mut apart = [[0f32; LANES]; N];
+        for (apart, vector) in apart.iter_mut().zip(vectors) {
+            let (vector, o) = (&vector[from..][..LANES], &o[from..][..LANES]);
+            for l in 0..LANES {
+                apart[l] = vector[l] - o[l];
+            }
+        }
+        for (lanes, (x, y)) in lanes.iter_mut().zip(pairs) {
+            for l in 0..LANES {
+                lanes[l] += apart[x][l] * apart[y][l];
+            }
         }
     }
-    let rest: f32 = (whole..o.len())
-        .map(|i| (x[i] - o[i]) * (y[i] - o[i]))
-        .sum();
-    f64::from(sum_of_lanes(lanes) + rest)
+    for i in whole..o.len() {
+        for (rest, (x, y)) in rest.iter_mut().zip(pairs) {
+            *rest += (vectors[x][i] - o[i]) * (vectors[y][i] - o[i]);
+        }
+    }
+    let mut products = [0.0; 3];
+    for i in 0..3 {
+        products[i] = f64::from(sum_of_lanes(lanes[i]) + rest[i]);
+    }
+    products
 }
 
 /// Squared distance to a triangle, and the weights of its nearest point.

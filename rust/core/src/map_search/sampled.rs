@@ -108,7 +108,7 @@ impl Sampled {
                 || {
                     for (i, distance) in to_waves.iter_mut().enumerate() {
                         let (a, b) = (&mine.row(i)[..waves], &b[..waves]);
-                        *distance = squared_distance(a, b, f32::INFINITY);
+                        *distance = squared_distance(a, b);
                     }
                 },
             );

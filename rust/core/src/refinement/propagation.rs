@@ -4,7 +4,7 @@
 //! Linear in the number of vertices where an exhaustive search is quadratic. The sweeps run in a
 //! fixed order on one thread, so that the result does not depend on the number of threads.
 
-use crate::dense::{Rows, squared_distance, vectorised};
+use crate::dense::{Rows, squared_distance, squared_distance_within, vectorised};
 use crate::error::Result;
 use crate::mesh::Adjacency;
 use crate::progress::Check;
@@ -117,7 +117,7 @@ impl Images {
     fn present_cost(&self, i: usize, here: &[f32], answering: &Rows) -> f32 {
         match self.vertex[i] {
             u32::MAX => f32::INFINITY,
-            image => squared_distance(here, answering.row(image as usize), f32::INFINITY),
+            image => squared_distance(here, answering.row(image as usize)),
         }
     }
 
@@ -138,7 +138,7 @@ impl Images {
         for &j in neighbours {
             let image = self.vertex[j as usize];
             if image != u32::MAX && is_new(image) {
-                let cost = squared_distance(here, answering.0.row(image as usize), best.1);
+                let cost = squared_distance_within(here, answering.0.row(image as usize), best.1);
                 if cost < best.1 {
                     best = (image, cost);
                 }
@@ -153,7 +153,7 @@ impl Images {
                 if !is_new(q) {
                     continue;
                 }
-                let cost = squared_distance(here, answering.0.row(q as usize), best.1);
+                let cost = squared_distance_within(here, answering.0.row(q as usize), best.1);
                 if cost < best.1 {
                     best = (q, cost);
                 }
