@@ -70,6 +70,7 @@ struct Collapser<'a> {
     positions: &'a [Point],
     /// Corners of each face; a dead one has `NONE` in front.
     faces: Vec<[u32; 3]>,
+    /// Without the dead ones.
     around: FacesAround,
     /// Which vertex a removed one was merged into; itself for the others.
     merged: Vec<u32>,
@@ -79,18 +80,6 @@ struct Collapser<'a> {
     stamp: Vec<u32>,
     now: u32,
     fan: Fan,
-}
-
-/// The corners of a face after one of them, in order.
-fn others(face: [u32; 3], corner: u32) -> [u32; 2] {
-    let [a, b, c] = face;
-    if corner == a {
-        [b, c]
-    } else if corner == b {
-        [c, a]
-    } else {
-        [a, b]
-    }
 }
 
 /// The faces around a vertex u in order: (u, x, y) for each.
@@ -406,4 +395,16 @@ impl<'a> Collapser<'a> {
 /// Twice the area of a triangle times its normal.
 fn normal([a, b, c]: [Point; 3]) -> Point {
     vector::cross(vector::sub(b, a), vector::sub(c, a))
+}
+
+/// The corners of a face after one of them, in order.
+fn others(face: [u32; 3], corner: u32) -> [u32; 2] {
+    let [a, b, c] = face;
+    if corner == a {
+        [b, c]
+    } else if corner == b {
+        [c, a]
+    } else {
+        [a, b]
+    }
 }
