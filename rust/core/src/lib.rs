@@ -25,6 +25,7 @@ pub mod mesh;
 pub mod metric;
 pub mod nearest;
 pub mod orientation;
+mod packed;
 pub mod pair;
 mod part_relocation;
 mod part_search;

@@ -294,6 +294,7 @@ fn lowest_sum(scores: &[f32], offsets: &[f32]) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::draws;
 
     /// Whole numbers from 0 to 7 that look random, so that sums are exact and many are equal.
     fn scattered(count: usize, dims: usize, seed: u64) -> Rows {
@@ -350,13 +351,8 @@ mod tests {
     #[test]
     fn the_first_of_the_lowest_sums_is_found() {
         // Few different numbers, so that most lengths have several lowest sums, in any block and beyond the last.
-        let mut state = 1u64;
-        let mut draw = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            (state >> 33) as f32 % 40.0
-        };
+        let mut drawn = draws(1);
+        let mut draw = || drawn() as f32 % 40.0;
         for count in 0..400 {
             let scores: Vec<f32> = (0..count).map(|_| draw()).collect();
             let offsets: Vec<f32> = (0..count).map(|_| draw()).collect();

@@ -37,6 +37,22 @@ pub fn torus(rings: usize) -> Shape {
     Shape::new(&vertices, &faces, &Progress::default(), &|_, _| Ok(())).expect("a sound mesh")
 }
 
+/// Pseudo-random numbers below 2³¹ (Knuth's linear congruential generator, of which the first bits are best).
+pub fn draws(mut state: u64) -> impl FnMut() -> u32 {
+    move || {
+        state = state
+            .wrapping_mul(6_364_136_223_846_793_005)
+            .wrapping_add(1);
+        (state >> 33) as u32
+    }
+}
+
+/// The same in [0, 1), exact in single precision.
+pub fn fractions(state: u64) -> impl FnMut() -> f32 {
+    let mut draw = draws(state);
+    move || (draw() >> 7) as f32 / (1u32 << 24) as f32
+}
+
 /// A pair of which nothing is known but its shares.
 pub fn pair<'a>(
     target: &'a Shape,

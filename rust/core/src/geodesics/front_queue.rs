@@ -2,6 +2,8 @@
 
 use std::cmp::Reverse;
 
+use crate::packed::{packed, unpacked};
+
 /// Buckets to one mean edge: about ten vertices of a front of some hundred share one.
 const BUCKETS_PER_EDGE: f32 = 32.0;
 
@@ -136,32 +138,16 @@ impl FrontQueue {
     }
 }
 
-#[inline]
-fn packed(distance: f32, vertex: u32) -> u64 {
-    // Bits of non-negative floats are in the order of the floats.
-    u64::from(distance.to_bits()) << 32 | u64::from(vertex)
-}
-
-#[inline]
-fn unpacked(key: u64) -> (f32, u32) {
-    (f32::from_bits((key >> 32) as u32), key as u32)
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::fractions;
 
     #[test]
     fn entries_leave_in_order_near_and_far() {
         // Leaps of up to 40 mean edges, so that entries pass through the sorted bucket, the others and
         // beyond; every fifth one is lowered before its turn and must leave once, at its new place.
-        let mut state = 7u64;
-        let mut draw = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            (state >> 40) as f32 / (1u32 << 24) as f32
-        };
+        let mut draw = fractions(7);
         let mut queue = FrontQueue::new(1.0);
         let mut distance = vec![0.0f32; 5000];
         for _ in 0..2 {

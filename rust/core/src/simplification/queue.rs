@@ -3,6 +3,8 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use crate::packed::{packed, unpacked};
+
 /// Vertices by what they wait for, then by number, in exact order; what is pushed is never less than what was popped
 /// last.
 ///
@@ -29,13 +31,12 @@ impl Queue {
     }
 
     pub(super) fn push(&mut self, key: f32, vertex: u32) {
-        // Bits of non-negative floats are in the order of the floats.
-        let packed = u64::from(key.to_bits()) << 32 | u64::from(vertex);
-        let bucket = (packed >> Self::WITHIN) as usize;
+        let key = packed(key, vertex);
+        let bucket = (key >> Self::WITHIN) as usize;
         if bucket > self.current {
-            self.buckets[bucket].push(packed);
+            self.buckets[bucket].push(key);
         } else {
-            self.next.push(Reverse(packed));
+            self.next.push(Reverse(key));
         }
     }
 
@@ -45,24 +46,18 @@ impl Queue {
             let bucket = std::mem::take(self.buckets.get_mut(self.current)?);
             self.next.extend(bucket.into_iter().map(Reverse));
         }
-        let Reverse(packed) = self.next.pop()?;
-        Some((f32::from_bits((packed >> 32) as u32), packed as u32))
+        self.next.pop().map(|Reverse(key)| unpacked(key))
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::fractions;
 
     #[test]
     fn vertices_leave_in_order_however_far_apart_their_keys_are() {
-        let mut state = 7u64;
-        let mut draw = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            (state >> 40) as f32 / (1u32 << 24) as f32
-        };
+        let mut draw = fractions(7);
         let mut queue = Queue::new();
         let mut waiting = BinaryHeap::new();
         // Twelve powers of ten, zeros and equal keys.

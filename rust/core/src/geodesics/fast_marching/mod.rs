@@ -109,6 +109,7 @@ impl FastMarching {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::draws;
     use crate::vector;
 
     fn marched(vertices: &[Point], faces: &[[u32; 3]], source: u32) -> Vec<f32> {
@@ -234,21 +235,19 @@ mod tests {
     fn degenerate_triangles_end_in_numbers() {
         // Points on a coarse lattice in a flat box: many coincide or are collinear, every edge may
         // have any number of faces.
-        let mut state = 12345u64;
-        let mut draw = |below: u64| {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            (state >> 33) % below
-        };
+        let mut drawn = draws(12345);
+        let mut draw = |below: u32| drawn() % below;
         for round in 0..200 {
             let n = 12;
             let flat = [1.0, 1e-9, 1e-30][round % 3];
             let vertices: Vec<Point> = (0..n)
-                .map(|_| [draw(4) as f64, draw(4) as f64 * flat, draw(2) as f64 * flat])
+                .map(|_| {
+                    let [x, y, z] = [4, 4, 2].map(|below| f64::from(draw(below)));
+                    [x, y * flat, z * flat]
+                })
                 .collect();
-            let faces: Vec<[u32; 3]> = (0..30).map(|_| [(); 3].map(|()| draw(n) as u32)).collect();
-            for source in 0..n as u32 {
+            let faces: Vec<[u32; 3]> = (0..30).map(|_| [(); 3].map(|()| draw(n))).collect();
+            for source in 0..n {
                 let out = marched(&vertices, &faces, source);
                 assert!(out.iter().all(|d| *d >= 0.0), "{out:?}");
                 for f in &faces {
