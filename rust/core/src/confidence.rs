@@ -12,6 +12,8 @@ const WITNESSES: usize = 80;
 /// Distance at unit area from which on a sample says nothing; its weight (1 − d²/h²)⁴ has fallen to 1/e at
 /// half of that.
 const HORIZON: f32 = 0.4;
+/// Distances are compared up to this one, since the weight has fallen to 1/100 there: marches end sooner.
+const COMPARED: f32 = 0.33;
 /// Keeps the weights' sum above zero.
 const WEIGHT_FLOOR: f32 = 1e-6;
 /// Vertices that are treated at once.
@@ -54,7 +56,7 @@ pub fn local_distortion(
         .iter()
         .map(|&v| images[v as usize])
         .collect();
-    let on_source = geodesics::distances_within(HORIZON, &source.marching, &witnesses, &|| {
+    let on_source = geodesics::distances_within(COMPARED, &source.marching, &witnesses, &|| {
         progress.is_cancelled()
     })?;
     Ok(images
@@ -77,7 +79,7 @@ pub fn local_distortion(
 fn add_changes(sums: &mut [(f32, f32)], here: &[f32], lengths: f32, there: &[f32], images: &[u32]) {
     for (((sum, total), &here), &image) in sums.iter_mut().zip(here).zip(images) {
         let here = (lengths * here).min(HORIZON);
-        let change = (here - there[image as usize].min(HORIZON)).abs();
+        let change = (here.min(COMPARED) - there[image as usize].min(COMPARED)).abs();
         let nearness = 1.0 - (here / HORIZON).powi(2);
         let weight = nearness.powi(4);
         *sum += weight * change;
