@@ -4,6 +4,7 @@ use faer::Accum;
 use faer::prelude::*;
 
 use super::ROWS_A_PIECE;
+use super::noise::noise;
 use super::orthogonal::{eigen, least_pivot, orthonormalise, remove};
 use super::shifted_factor::ShiftedFactor;
 use super::slices::Slice;
@@ -359,13 +360,4 @@ fn spectrum_order(values: &[f64], shift: f64) -> Vec<usize> {
 
 fn starting_block(n: usize) -> Mat<f64> {
     Mat::from_fn(n, BLOCK, |i, j| noise((i * BLOCK + j) as u64))
-}
-
-/// Uniform in [−½, ½): the finaliser of splitmix64 (Steele, Lea, Flood 2014).
-fn noise(index: u64) -> f64 {
-    let mut z = index.wrapping_add(1).wrapping_mul(0x9e37_79b9_7f4a_7c15);
-    z = (z ^ (z >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    z ^= z >> 31;
-    (z >> 11) as f64 / (1u64 << 53) as f64 - 0.5
 }

@@ -1,6 +1,7 @@
 //! Smallest eigenpairs of the Laplace–Beltrami operator: `W φ = λ A φ`.
 
 mod lanczos;
+mod noise;
 mod orthogonal;
 mod shifted_factor;
 mod slices;

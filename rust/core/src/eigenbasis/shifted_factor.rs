@@ -11,6 +11,7 @@ use faer::sparse::linalg::cholesky::{
 use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
 use faer::{Side, Spec};
 
+use super::noise::noise;
 use super::substitution::Supernode;
 use crate::dense::{by_library, vectorised};
 use crate::error::{Error, Result};
@@ -142,6 +143,32 @@ impl ShiftedFactor<'_> {
         worst.is_some_and(|e| e < SOLVE_ACCURACY)
     }
 
+    /// Distance of the shift from the nearest eigenvalue, if that is far nearer than the others; else no less than a
+    /// fraction of it. The growth of a vector in the second of two inverse iterations.
+    pub(super) fn nearest_eigenvalue(&self) -> f64 {
+        let mass = &self.pattern.laplacian.mass;
+        let mass: Vec<f64> = self
+            .pattern
+            .ordering()
+            .iter()
+            .map(|&v| mass[v as usize])
+            .collect();
+        let mut x: Vec<[f64; 1]> = (0..mass.len() as u64).map(|i| [noise(i)]).collect();
+        let length = |x: &[[f64; 1]]| {
+            let squares = x.iter().zip(&mass).map(|([x], a)| a * x * x);
+            squares.sum::<f64>().sqrt()
+        };
+        let mut lengths = [0.0; 2];
+        for after in &mut lengths {
+            for ([x], a) in x.iter_mut().zip(&mass) {
+                *x *= a;
+            }
+            self.solve(&mut x);
+            *after = length(&x);
+        }
+        lengths[0] / lengths[1]
+    }
+
     /// Eigenvalues below the shift: negative entries of `D`, by Sylvester's law of inertia.
     pub(super) fn eigenvalues_below(&self) -> usize {
         let numeric = self.numeric();
@@ -196,6 +223,7 @@ fn supernode(numeric: supernodal::SupernodalLdltRef<'_, u32, f64>, s: usize) -> 
 #[cfg(test)]
 pub(super) mod tests {
     use super::*;
+    use crate::eigenbasis::Eigenbasis;
     use crate::mesh::Mesh;
 
     /// An uneven sheet; its factor has supernodes of one column and of many.
@@ -252,6 +280,22 @@ pub(super) mod tests {
             assert_solves::<1>(&laplacian, shift);
             assert_solves::<4>(&laplacian, shift);
         }
+    }
+
+    #[test]
+    fn tells_how_near_an_eigenvalue_is() {
+        const NEAR: f64 = 1e-4;
+        let laplacian = laplacian();
+        let pattern = Pattern::new(&laplacian).unwrap();
+        let values = Eigenbasis::new(&laplacian, 12, &|| false).unwrap().values;
+        let nearest = |shift: f64| pattern.factor(shift).unwrap().nearest_eigenvalue();
+        for side in [-NEAR, NEAR] {
+            let found = nearest(values[10] + side);
+            assert!((found - NEAR).abs() < 0.01 * NEAR, "{found}");
+        }
+        // Never nearer than the nearest.
+        let half = 0.5 * (values[11] - values[10]);
+        assert!(half > 100.0 * NEAR && nearest(values[10] + half) > 0.999 * half);
     }
 
     /// All eigenvalues are below a shift beyond the largest, none below a negative one.
