@@ -9,16 +9,15 @@ when a map beyond the bound is graded green.
 """
 
 import argparse
-import json
 import sys
 
 import numpy as np
 import sgmds
 from sgmds.evaluation import TruthDistances, find_sets, pair_errors, surface_area
+from verdict import told
 
 # Standard deviation in each direction as a fraction of √area; an edge of 5,000 vertices has 0.015.
 MOVED = 4e-4
-WRONG_ABOVE = 6
 LINES = 200
 
 
@@ -45,29 +44,19 @@ def main():
     pairs = list(shapes.pairs())
     if options.both_ways:
         pairs += [(b, a) for a, b in pairs]
-    distances = {b: TruthDistances(*shapes.mesh(b)) for _, b in pairs}
+    meshes = {name: shapes.mesh(name) for pair in pairs for name in pair}
+    distances = {b: TruthDistances(*meshes[b]) for _, b in pairs}
+    truths = {(a, b): shapes.truth(a, b, len(meshes[a][0]), LINES) for a, b in pairs}
     records = []
     for seed in range(options.rounds):
         for a, b in pairs:
-            target, source = moved(shapes.mesh(a), 2 * seed), moved(shapes.mesh(b), seed and 2 * seed + 1)
+            target, source = moved(meshes[a], 2 * seed), moved(meshes[b], seed and 2 * seed + 1)
             corr = sgmds.match(source, target)
-            truth = shapes.truth(a, b, len(target[0]), LINES)
+            truth = truths[a, b]
             error = 100 * float(np.nanmean(pair_errors(distances[b], corr.vertices, truth.a, truth.b)))
             records.append({"a": a, "b": b, "round": seed, "error": error, "grade": corr.quality.grade})
             print(f"{a:<16} {b:<16} {seed:2} {error:6.2f} {corr.quality.grade}", flush=True)
-    errors = np.array([record["error"] for record in records])
-    wrong = errors > WRONG_ABOVE
-    trusted = sum(w and record["grade"] == "green" for w, record in zip(wrong, records, strict=True))
-    grades = {g: sum(r["grade"] == g for r in records) for g in ("green", "amber", "red")}
-    print(
-        f"{len(errors)} maps of {len(pairs)} pairs: mean {errors.mean():.2f}, median "
-        f"{np.median(errors):.2f}, worst {errors.max():.2f}; {wrong.sum()} beyond "
-        f"{WRONG_ABOVE}, {trusted} of them green; {grades}"
-    )
-    if options.json:
-        with open(options.json, "w", encoding="utf-8") as file:
-            json.dump(records, file, indent=1)
-    return 1 if trusted else 0
+    return told(records, options.json)
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ much around three to six points as makes 10 to 25 %. Only points that have a cou
 """
 
 import argparse
-import json
 import sys
 
 import numpy as np
@@ -23,9 +22,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components, dijkstra
 from scipy.spatial import KDTree
 from sgmds import characters
+from verdict import told
 
-WRONG_ABOVE = 6.0
-"""A limb turned or swapped adds as much."""
 SPREAD = (0.7, 1.4)
 """Bounds of a random scale, between which limbs neither vanish nor swallow their neighbours."""
 
@@ -159,18 +157,7 @@ def main() -> int:
             f"{record['error']:6.2f} {record['grade']}",
             flush=True,
         )
-    errors = np.array([record["error"] for record in records])
-    wrong = errors > WRONG_ABOVE
-    trusted = sum(w and record["grade"] == "green" for w, record in zip(wrong, records, strict=True))
-    grades = {g: sum(r["grade"] == g for r in records) for g in ("green", "amber", "red")}
-    print(
-        f"{len(errors)} pairs: mean {errors.mean():.2f}, median {np.median(errors):.2f}, worst "
-        f"{errors.max():.2f}; {wrong.sum()} beyond {WRONG_ABOVE:g}, {trusted} of them green; {grades}"
-    )
-    if options.json:
-        with open(options.json, "w", encoding="utf-8") as file:
-            json.dump(records, file, indent=1)
-    return 1 if trusted else 0
+    return told(records, options.json)
 
 
 if __name__ == "__main__":

@@ -65,6 +65,12 @@ impl<'a> Pattern<'a> {
         )
     }
 
+    /// Vertex areas in the factor's ordering.
+    pub(super) fn mass(&self) -> Vec<f64> {
+        let mass = &self.laplacian.mass;
+        self.ordering().iter().map(|&v| mass[v as usize]).collect()
+    }
+
     /// Factor of `W − sA`; none when a pivot vanished or solves are inaccurate.
     pub(super) fn factor(&self, shift: f64) -> Option<ShiftedFactor<'_>> {
         let n = self.laplacian.len();
@@ -132,9 +138,7 @@ impl ShiftedFactor<'_> {
 
     /// Whether a solve with a known answer is right: `(W − sA)⁻¹A·1 = −1/s`.
     fn is_accurate(&self) -> bool {
-        let ordering = self.pattern.ordering();
-        let mass = &self.pattern.laplacian.mass;
-        let mut x: Vec<[f64; 1]> = ordering.iter().map(|&v| [mass[v as usize]]).collect();
+        let mut x: Vec<[f64; 1]> = self.pattern.mass().into_iter().map(|a| [a]).collect();
         self.solve(&mut x);
         let worst = x
             .iter()
@@ -143,16 +147,10 @@ impl ShiftedFactor<'_> {
         worst.is_some_and(|e| e < SOLVE_ACCURACY)
     }
 
-    /// Distance of the shift from the nearest eigenvalue, if that is far nearer than the others; else no less than a
-    /// fraction of it. The growth of a vector in the second of two inverse iterations.
+    /// Distance of the shift from the nearest eigenvalue where that is far nearer than the others, never less than it: the
+    /// inverse of a vector's growth in the second of two inverse iterations.
     pub(super) fn nearest_eigenvalue(&self) -> f64 {
-        let mass = &self.pattern.laplacian.mass;
-        let mass: Vec<f64> = self
-            .pattern
-            .ordering()
-            .iter()
-            .map(|&v| mass[v as usize])
-            .collect();
+        let mass = self.pattern.mass();
         let mut x: Vec<[f64; 1]> = (0..mass.len() as u64).map(|i| [noise(i)]).collect();
         let length = |x: &[[f64; 1]]| {
             let squares = x.iter().zip(&mass).map(|([x], a)| a * x * x);

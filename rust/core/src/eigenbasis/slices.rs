@@ -126,8 +126,7 @@ impl<'a> Spectrum<'a> {
         cancelled: &'a (dyn Fn() -> bool + Sync),
     ) -> Self {
         let area: f64 = mass.iter().sum();
-        let ordering = pattern.ordering();
-        let root_mass: Vec<f64> = ordering.iter().map(|&v| mass[v as usize].sqrt()).collect();
+        let root_mass: Vec<f64> = pattern.mass().into_iter().map(f64::sqrt).collect();
         Self {
             pattern,
             constant: Col::from_fn(root_mass.len(), |i| root_mass[i] / area.sqrt()),
@@ -234,14 +233,13 @@ fn factor_near<'a>(
         };
         let below = factor.eigenvalues_below() as f64;
         // A shift off its best place only costs solves.
-        if (below - target).abs() <= tolerance || trial + 2 > TRIALS {
-            if trial < TRIALS && factor.nearest_eigenvalue() < TOO_NEAR * spacing {
-                shift += ASIDE * spacing;
-                continue;
-            }
+        if (below - target).abs() > tolerance && trial + 2 <= TRIALS {
+            shift *= (target / below.max(1.0)).clamp(0.25, 4.0);
+        } else if trial < TRIALS && factor.nearest_eigenvalue() < TOO_NEAR * spacing {
+            shift += ASIDE * spacing;
+        } else {
             return Ok(factor);
         }
-        shift *= (target / below.max(1.0)).clamp(0.25, 4.0);
     }
     Err(Error::NotFactorised {
         reason: format!("no accurate factor for {TRIALS} shifts up to {shift:.3}"),
