@@ -10,9 +10,8 @@ use crate::pair::{Pair, Part};
 
 /// Weight of the descriptors beside the eigenfunctions.
 const DESCRIPTOR_WEIGHT: f32 = 0.7;
-/// Weight of the distance from the own mirror image beside the eigenfunctions. Between cats and horses 2
-/// leaves legs and tail exchanged, 8 shifts the limbs.
-const OFFSET_WEIGHT: f32 = 4.0;
+/// Weight of the distance from the own mirror image beside the eigenfunctions: 6 to 12 do the same.
+const OFFSET_WEIGHT: f32 = 8.0;
 
 /// How wide to search.
 #[derive(Debug, Clone, Copy)]

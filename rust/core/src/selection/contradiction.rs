@@ -42,11 +42,11 @@ pub(super) fn off_axes(pair: &Pair<'_>, images: &[u32]) -> f64 {
     WEIGHT * (1.0 - both / (own * other).sqrt())
 }
 
-/// (d/0.1)², d the mean difference between the distances of points and of their images from their own
+/// (d/0.06)², d the mean difference between the distances of points and of their images from their own
 /// mirror images, where both shapes are symmetric.
 pub(super) fn off_symmetry(pair: &Pair<'_>, images: &[u32]) -> f64 {
     /// A leg taken for the tail doubles the rank.
-    const TOLERANCE: f64 = 0.1;
+    const TOLERANCE: f64 = 0.06;
     let Some([target, source]) = pair.mirror_offsets else {
         return 0.0;
     };

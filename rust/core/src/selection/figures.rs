@@ -29,7 +29,7 @@ pub struct Figures {
     /// Mean change of distances below 0.35 √area.
     pub local_distortion: f64,
     /// How far the unguided map contradicts what is known: Σ (d/0.1)² over landmarks missed by d,
-    /// 4 (1 − the correlation of both shapes' coordinates) when these are in one frame, and (d/0.1)²
+    /// 4 (1 − the correlation of both shapes' coordinates) when these are in one frame, and (d/0.06)²
     /// when points and their images lie d closer to the plane of symmetry on one shape.
     pub contradiction: f64,
     /// Rank of the best other map over that of the chosen one, at most 2.
