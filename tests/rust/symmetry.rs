@@ -5,7 +5,7 @@ mod common;
 use common::{icosphere, limbed, lumpy};
 use sgmds_core::progress::Progress;
 use sgmds_core::shape::Shape;
-use sgmds_core::symmetry::mirror_offsets;
+use sgmds_core::symmetry::{counted, mirror_offsets};
 
 fn prepared((vertices, faces): &(Vec<[f64; 3]>, Vec<[i64; 3]>)) -> Shape {
     Shape::new(vertices, faces, &Progress::default(), &|_, _| Ok(())).expect("a sound mesh")
@@ -49,6 +49,16 @@ fn offsets_are_distances_to_the_mirrored_vertices() {
     }
     // A tenth of the mean: the kink at the plane is smoothed by sixty eigenfunctions.
     assert!(error < 0.1 * offset, "{error} of {offset}");
+}
+
+#[test]
+fn near_points_count_by_their_distance_and_far_ones_alike() {
+    assert!(counted(0.0) == 0.0);
+    // The slope is 1 at the plane; the next term of the series is s²/(2·0.5).
+    assert!((counted(0.01) - 0.01).abs() < 1.1e-4);
+    // A gorilla's feet and a man's; the knees between still tell themselves from the plane.
+    assert!(counted(1.35) - counted(0.75) < 0.2 * (1.35 - 0.75));
+    assert!(counted(0.4) > 0.5 * counted(1.35));
 }
 
 #[test]

@@ -182,7 +182,8 @@ pub struct Pair<'a> {
     /// How many units of length of the source one of the target is, where that is known, else 1: each shape
     /// has unit area.
     pub lengths: f64,
-    /// Distance of each vertex of the target and of the source from its own mirror image.
+    /// What the distance of each vertex of the target and of the source from its own mirror image
+    /// [counts](crate::symmetry::counted).
     pub mirror_offsets: Option<[&'a [f32]; 2]>,
 }
 

@@ -1,8 +1,8 @@
 //! How far each point of a surface lies from its own mirror image, where the body is symmetric.
 //!
 //! Tails and heads lie on the plane of symmetry, limbs beside it: what distances alone confuse when
-//! proportions differ, this tells apart. How far out a limb reaches differs with the proportions, so far
-//! points all count alike.
+//! proportions differ, this tells apart. How far out a limb reaches differs with the proportions, so all far
+//! points count alike.
 
 use faer::Mat;
 
@@ -23,14 +23,13 @@ const SYMMETRIC: f64 = 0.045;
 const REVERSING: f64 = 0.1;
 /// Mean distance between a point and the image of its image up to which it does.
 const INVOLUTIVE: f64 = 0.06;
-/// Distances s from the mirror image count as FAR · (1 − exp(−s / FAR)): at 1.4 are the hands and feet of a man, at
-/// 0.75 a gorilla's feet. 0.3 to 1 set the same gorillas right.
-const FAR: f64 = 0.5;
+/// Where distances from the mirror image begin to count alike: a man's feet are at 1.35, a gorilla's at 0.75. 0.3 to 1
+/// set the same gorillas right.
+const FAR: f32 = 0.5;
 /// Ridge of the smooth function through the samples' offsets, per sample.
 const RIDGE: f64 = 1e-3;
 
-/// Distance of each vertex from its mirror image, √area, far ones drawn together below 0.5; `None` for a surface
-/// without a mirror symmetry.
+/// Distance of each vertex from its mirror image, √area; `None` for a surface without a mirror symmetry.
 ///
 /// # Errors
 /// [`Error::Cancelled`].
@@ -60,8 +59,14 @@ pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f
     let ridge = RIDGE * samples.len() as f64;
     let coefficients = dense::solve_with_ridge(gram, |_| ridge, right.as_ref())?;
     let smooth = dense::product(shape.functions(k), coefficients.as_ref());
-    let counted = |&s: &f64| (-FAR * (-s.max(0.0) / FAR).exp_m1()) as f32;
-    Ok(Some(smooth.col(0).iter().map(counted).collect()))
+    let above_zero = smooth.col(0).iter().map(|&s| s.max(0.0) as f32);
+    Ok(Some(above_zero.collect()))
+}
+
+/// What a distance s from the mirror image counts in comparing two shapes: FAR · (1 − exp(−s / FAR)).
+#[must_use]
+pub fn counted(offset: f32) -> f32 {
+    -FAR * (-offset / FAR).exp_m1()
 }
 
 /// The best map of a shape to itself that reverses the orientation, `(60, 60)`, and how clearly it does.

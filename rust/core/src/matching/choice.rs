@@ -214,7 +214,7 @@ fn found_or_none(found: Result<Vec<Hypothesis>>) -> Result<Vec<Hypothesis>> {
     }
 }
 
-/// How far the vertices of target and source lie from their own mirror images, when both shapes are
+/// What the distances of target's and source's vertices from their own mirror images count, when both shapes are
 /// symmetric and the best map so far says that they are not poses of one body.
 fn mirror_offsets(
     pair: &Pair<'_>,
@@ -228,7 +228,8 @@ fn mirror_offsets(
         || symmetry::mirror_offsets(pair.target, progress),
         || symmetry::mirror_offsets(pair.source, progress),
     );
-    Ok(target?.zip(source?).map(<[Vec<f32>; 2]>::from))
+    let counted = |offsets: Vec<f32>| offsets.into_iter().map(symmetry::counted).collect();
+    Ok(target?.zip(source?).map(|(t, s)| [counted(t), counted(s)]))
 }
 
 /// Plausible maps, best first.

@@ -42,8 +42,8 @@ pub(super) fn off_axes(pair: &Pair<'_>, images: &[u32]) -> f64 {
     WEIGHT * (1.0 - both / (own * other).sqrt())
 }
 
-/// (d/0.06)², d the mean difference between the distances of points and of their images from their own
-/// mirror images, where both shapes are symmetric.
+/// (d/0.06)², d the mean difference between what the distances of points and of their images from their own
+/// mirror images count, where both shapes are symmetric.
 pub(super) fn off_symmetry(pair: &Pair<'_>, images: &[u32]) -> f64 {
     /// A leg taken for the tail doubles the rank.
     const TOLERANCE: f64 = 0.06;
