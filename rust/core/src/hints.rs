@@ -92,6 +92,17 @@ impl Hints {
         })
     }
 
+    /// What is known of the inverse map.
+    #[must_use]
+    pub fn inverse(&self) -> Self {
+        Self {
+            landmarks: self.landmarks.iter().map(|&(s, t)| (t, s)).collect(),
+            same_axes: self.same_axes,
+            on_target: self.on_source.clone(),
+            on_source: self.on_target.clone(),
+        }
+    }
+
     /// Whether nothing is known.
     #[must_use]
     pub fn are_none(&self) -> bool {

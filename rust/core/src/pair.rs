@@ -72,6 +72,15 @@ impl Shares {
         }
     }
 
+    /// The same with target and source exchanged.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        Self {
+            target: self.source,
+            source: self.target,
+        }
+    }
+
     /// Mean of what the target's and the source's points give.
     #[must_use]
     pub fn mean(self, by_target: f64, by_source: f64) -> f64 {
@@ -194,6 +203,21 @@ impl<'a> Pair<'a> {
         match which {
             Which::Target => self.target,
             Which::Source => self.source,
+        }
+    }
+
+    /// The same with target and source exchanged, given what is known of the inverse map.
+    #[must_use]
+    pub fn inverse(&self, hints: &'a Hints) -> Self {
+        Self {
+            target: self.source,
+            source: self.target,
+            shares: self.shares.inverse(),
+            mirror: self.mirror,
+            hints,
+            left_out: self.left_out,
+            lengths: 1.0 / self.lengths,
+            mirror_offsets: self.mirror_offsets.map(|[target, source]| [source, target]),
         }
     }
 

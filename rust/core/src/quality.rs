@@ -67,8 +67,14 @@ pub fn stretches(figures: &Figures) -> bool {
 
 /// Whether the two shapes hardly look like one body in two poses, by the curvatures of a map between them.
 #[must_use]
-pub fn unlike(figures: &Figures) -> bool {
+fn unlike(figures: &Figures) -> bool {
     figures.agreement < ALIKE
+}
+
+/// Whether the best map so far says that the shapes are not poses of one body.
+#[must_use]
+pub fn differ(figures: &Figures) -> bool {
+    unlike(figures) || doubtful(figures)
 }
 
 /// Whether a map keeps distances and orientation so well that it is one of two poses of a body.

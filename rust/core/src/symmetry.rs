@@ -9,7 +9,7 @@ use faer::Mat;
 use crate::dense::{self, Rows};
 use crate::error::{Error, Result};
 use crate::hints::Hints;
-use crate::map_search::{SampledPair, Width};
+use crate::map_search::{self, Width};
 use crate::nearest::nearest;
 use crate::pair::{LeftOut, Mirror, Pair, Shares};
 use crate::progress::Progress;
@@ -82,7 +82,7 @@ fn reversing_map(shape: &Shape, progress: &Progress) -> Result<Option<(Mat<f64>,
         lengths: 1.0,
         mirror_offsets: None,
     };
-    let candidates = match SampledPair::new(pair, Width::NARROW).search(progress) {
+    let candidates = match map_search::candidates(&pair, Width::NARROW, progress) {
         Err(Error::NoMap { .. }) => return Ok(None),
         found => found?,
     };

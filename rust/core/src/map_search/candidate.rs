@@ -38,6 +38,19 @@ pub struct Candidate {
     pub rank: f64,
 }
 
+impl Candidate {
+    /// The inverse map.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        Self {
+            matrix: self.matrix.transpose().to_owned(),
+            on_source: self.on_target,
+            on_target: self.on_source,
+            ..self
+        }
+    }
+}
+
 /// Everything of a pair that the search reads, on the samples only.
 #[derive(Debug)]
 pub struct SampledPair<'a> {

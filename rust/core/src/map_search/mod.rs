@@ -15,7 +15,7 @@ use self::candidate::ORIENTED_FROM;
 use self::seeds::SEED_SIZE;
 use crate::error::{Error, Result};
 use crate::orientation::{better_signs, shares};
-use crate::pair::{Mirror, Part};
+use crate::pair::{Mirror, Pair, Part};
 use crate::progress::Progress;
 
 pub use candidate::{CANDIDATE_SIZE, Candidate, SampledPair, fit};
@@ -53,6 +53,34 @@ impl Reach {
     #[must_use]
     pub fn from(&self, best: f64) -> f64 {
         self.times * best.max(self.floor)
+    }
+}
+
+/// Candidate maps of a pair, best first.
+///
+/// Candidates grow by an eigenfunction of the target each, or of the source the other way, and where bodies
+/// differ either way misses maps that the other finds.
+///
+/// # Errors
+/// Those of [`SampledPair::search`].
+pub fn candidates(pair: &Pair<'_>, width: Width, progress: &Progress) -> Result<Vec<Candidate>> {
+    let found = SampledPair::new(*pair, width).search(progress);
+    if !width.both_ways {
+        return found;
+    }
+    let hints = pair.hints.inverse();
+    let inverse = SampledPair::new(pair.inverse(&hints), width).search(progress);
+    match (found, inverse) {
+        (Ok(mut all), Ok(inverse)) => {
+            all.extend(inverse.into_iter().map(Candidate::inverse));
+            all.sort_by(|a, b| a.rank.total_cmp(&b.rank));
+            Ok(all)
+        }
+        (Err(Error::NoMap { .. }), Ok(inverse)) => {
+            Ok(inverse.into_iter().map(Candidate::inverse).collect())
+        }
+        (found, Err(Error::NoMap { .. }) | Ok(_)) => found,
+        (_, Err(other)) => Err(other),
     }
 }
 
@@ -190,4 +218,31 @@ fn each<T: Sync, R: Send>(
     step: impl Fn(&T) -> Result<R> + Sync + Send,
 ) -> Result<Vec<R>> {
     items.par_iter().map(step).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hints::Hints;
+    use crate::pair::Shares;
+    use crate::testing::{pair, torus};
+
+    #[test]
+    fn the_inverse_pair_has_the_inverse_candidates() {
+        let (coarse, fine) = (torus(24), torus(32));
+        let hints = Hints::default();
+        let there = pair(&coarse, &fine, Shares::BOTH, &hints);
+        let width = Width::NARROW.both_ways(true);
+        let progress = Progress::default();
+        let found = candidates(&there, width, &progress).expect("tori look alike");
+        let back = candidates(&there.inverse(&hints), width, &progress).expect("tori look alike");
+        assert_eq!(found.len(), back.len());
+        assert!(found.is_sorted_by(|a, b| a.rank <= b.rank));
+        for candidate in back.into_iter().map(Candidate::inverse) {
+            let same = |c: &&Candidate| c.matrix == candidate.matrix;
+            let other = found.iter().find(same).expect("it is found both times");
+            assert_eq!(other.on_source, candidate.on_source);
+            assert_eq!(other.on_target, candidate.on_target);
+        }
+    }
 }

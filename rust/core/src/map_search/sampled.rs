@@ -24,6 +24,8 @@ pub struct Width {
     asking: usize,
     /// Samples among which they are sought.
     answering: usize,
+    /// Whether the source's eigenfunctions are aligned to the target's too.
+    pub(super) both_ways: bool,
 }
 
 impl Width {
@@ -39,6 +41,7 @@ impl Width {
         beam: 8,
         asking: 120,
         answering: 300,
+        both_ways: false,
     };
     /// Enough for most pairs.
     pub const USUAL: Self = Self {
@@ -46,6 +49,7 @@ impl Width {
         beam: 16,
         asking: 200,
         answering: 500,
+        both_ways: false,
     };
     /// For pairs where the usual width finds nothing convincing.
     pub const WIDE: Self = Self {
@@ -53,6 +57,12 @@ impl Width {
         beam: 40,
         ..Self::USUAL
     };
+
+    /// The same from both sides, or from the target's alone.
+    #[must_use]
+    pub fn both_ways(self, both_ways: bool) -> Self {
+        Self { both_ways, ..self }
+    }
 }
 
 /// One shape's samples, and the fixed part of the cost of answering on it.

@@ -12,7 +12,7 @@ use super::of_part::{
 };
 use crate::error::{Error, Result};
 use crate::hints::{Hints, Which};
-use crate::map_search::{SampledPair, Width};
+use crate::map_search::{self, Width};
 use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
 use crate::progress::Progress;
 use crate::quality;
@@ -43,8 +43,8 @@ const ELSEWHERE: f64 = 0.05;
 const PART_AT_MOST: f64 = 0.5;
 
 /// Hypotheses for two whole shapes: by a narrow search alone where that finds a clear map without a
-/// rival, else by a usual one as well, and where the bodies differ by one that also knows the plane of
-/// symmetry of each. When they are poor, also for either being a part of the other, which must then
+/// rival, else by a usual one as well, from both sides where the bodies differ, and then by one that also
+/// knows the plane of symmetry of each. When they are poor, also for either being a part of the other, which must then
 /// fit clearly better, since half as many questions are easier to answer well; and when these are no
 /// better, once more for whole shapes by a wider search.
 pub(super) fn whole_or_part(
@@ -66,7 +66,9 @@ pub(super) fn whole_or_part(
         let within = |f: f64| report("selection", 0.1 + 0.5 * f);
         return or_part(pair, part, narrow, progress, &within);
     }
-    let usual = search(pair, Shares::BOTH, Width::USUAL, (0.1, 0.25));
+    let differ = narrow.first().is_none_or(|h| quality::differ(&h.figures));
+    let usual = Width::USUAL.both_ways(differ);
+    let usual = search(pair, Shares::BOTH, usual, (0.1, 0.25));
     let usual = if narrow.is_empty() {
         usual?
     } else {
@@ -221,7 +223,7 @@ fn mirror_offsets(
     best: &Figures,
     progress: &Progress,
 ) -> Result<Option<[Vec<f32>; 2]>> {
-    if !pair.uses(Part::Symmetry) || !(quality::unlike(best) || quality::doubtful(best)) {
+    if !pair.uses(Part::Symmetry) || !quality::differ(best) {
         return Ok(None);
     }
     let (target, source) = rayon::join(
@@ -245,7 +247,7 @@ fn hypotheses(
     } else {
         Width::SINGLE
     };
-    let candidates = SampledPair::new(*pair, width).search(progress)?;
+    let candidates = map_search::candidates(pair, width, progress)?;
     report("selection", 0.5)?;
     selection::vote(pair, &candidates, &|f| report("selection", 0.5 + 0.5 * f))
 }
