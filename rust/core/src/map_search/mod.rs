@@ -11,14 +11,14 @@ mod seeds;
 use faer::Mat;
 use rayon::prelude::*;
 
-use self::candidate::ORIENTED_FROM;
+use self::candidate::{ORIENTED_FROM, SampledPair};
 use self::seeds::SEED_SIZE;
 use crate::error::{Error, Result};
 use crate::orientation::{better_signs, shares};
 use crate::pair::{Mirror, Pair, Part};
 use crate::progress::Progress;
 
-pub use candidate::{CANDIDATE_SIZE, Candidate, SampledPair, fit};
+pub use candidate::{CANDIDATE_SIZE, Candidate, fit};
 pub use sampled::Width;
 pub use seeds::best_signs;
 
@@ -62,34 +62,30 @@ impl Reach {
 /// differ either way misses maps that the other finds.
 ///
 /// # Errors
-/// Those of [`SampledPair::search`].
+/// [`Error::Cancelled`]; [`Error::NoMap`] when no seed gives a finite energy.
 pub fn candidates(pair: &Pair<'_>, width: Width, progress: &Progress) -> Result<Vec<Candidate>> {
-    let found = SampledPair::new(*pair, width).search(progress);
-    if !width.both_ways {
-        return found;
+    let mut found = SampledPair::new(*pair, width).search(progress)?;
+    if width.both_ways {
+        let hints = pair.hints.inverse();
+        let inverse = SampledPair::new(pair.inverse(&hints), width).search(progress)?;
+        found.extend(inverse.into_iter().map(Candidate::inverse));
+        found.sort_by(|a, b| a.rank.total_cmp(&b.rank));
     }
-    let hints = pair.hints.inverse();
-    let inverse = SampledPair::new(pair.inverse(&hints), width).search(progress);
-    match (found, inverse) {
-        (Ok(mut all), Ok(inverse)) => {
-            all.extend(inverse.into_iter().map(Candidate::inverse));
-            all.sort_by(|a, b| a.rank.total_cmp(&b.rank));
-            Ok(all)
-        }
-        (Err(Error::NoMap { .. }), Ok(inverse)) => {
-            Ok(inverse.into_iter().map(Candidate::inverse).collect())
-        }
-        (found, Err(Error::NoMap { .. }) | Ok(_)) => found,
-        (_, Err(other)) => Err(other),
+    if found.is_empty() {
+        return Err(Error::NoMap {
+            reason: "no candidate has a finite distortion; check the shapes' scale and holes"
+                .into(),
+        });
     }
+    Ok(found)
 }
 
 impl SampledPair<'_> {
-    /// Candidate maps of [`CANDIDATE_SIZE`] eigenfunctions, best first.
+    /// Candidate maps of [`CANDIDATE_SIZE`] eigenfunctions, best first; none when no seed gives a finite energy.
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; [`Error::NoMap`] when no seed gives a finite energy.
-    pub fn search(&self, progress: &Progress) -> Result<Vec<Candidate>> {
+    /// [`Error::Cancelled`].
+    fn search(&self, progress: &Progress) -> Result<Vec<Candidate>> {
         let width = self.width;
         let largest = self.largest();
         let first = SEED_SIZE.min(largest);
@@ -125,14 +121,7 @@ impl SampledPair<'_> {
         for _ in 0..2 {
             beam = each(&beam, |parent| self.refitted(parent, largest))?;
         }
-        let beam = self.pruned(beam, width.beam, SAME);
-        if beam.is_empty() {
-            return Err(Error::NoMap {
-                reason: "no candidate has a finite distortion; check the shapes' scale and holes"
-                    .into(),
-            });
-        }
-        Ok(beam)
+        Ok(self.pruned(beam, width.beam, SAME))
     }
 
     /// A candidate with some columns replaced, `(column, by which, times)`, and fitted anew.

@@ -67,8 +67,8 @@ pub(super) fn whole_or_part(
         return or_part(pair, part, narrow, progress, &within);
     }
     let differ = narrow.first().is_none_or(|h| quality::differ(&h.figures));
-    let usual = Width::USUAL.both_ways(differ);
-    let usual = search(pair, Shares::BOTH, usual, (0.1, 0.25));
+    let width = Width::USUAL.both_ways(differ);
+    let usual = search(pair, Shares::BOTH, width, (0.1, 0.25));
     let usual = if narrow.is_empty() {
         usual?
     } else {
