@@ -22,16 +22,20 @@ const WAVE_FLOOR: f64 = 1e-3;
 const CURVATURE_LIMIT: f64 = 50.0;
 /// Heat time that smooths the curvature column; unit area.
 const CURVATURE_HEAT_TIME: f64 = 3e-3;
-/// How many curvatures the detail begins with.
+/// Heat times of curvatures: from a finger's width to a limb's and a chest's.
+const HEAT_TIMES: [f64; 5] = [3e-4, 1e-3, 3e-3, 1e-2, 3e-2];
+/// How many of these curvatures the detail begins with; they help the refinement.
 pub const DETAIL_CURVATURES: usize = 4;
-/// Heat times of the curvatures that help the refinement: from a finger's width to a limb's.
-const DETAIL_HEAT_TIMES: [f64; DETAIL_CURVATURES] = [3e-4, 1e-3, 3e-3, 1e-2];
 /// Weight of √t h in the refinement. From 0.1 to 0.25 errors change little; 0.8 doubles them.
 const DETAIL_CURVATURE_WEIGHT: f64 = 0.15;
 /// Weight of the wave kernel in the refinement; more helps one body in many poses and harms others.
 const DETAIL_WAVE_WEIGHT: f64 = 0.03;
 /// Neighbouring energies say nearly the same: every so many of them are used.
 const DETAIL_WAVE_STEP: usize = 6;
+/// The same of the energies that curvatures are explained by.
+const EXPLAINING_WAVE_STEP: usize = 3;
+/// Ridge of that, relative to the mean variance of a wave kernel value.
+const EXPLAINING_RIDGE: f64 = 1e-6;
 
 /// Pointwise descriptors of every vertex.
 #[derive(Debug, Clone)]
@@ -41,6 +45,9 @@ pub struct Descriptors {
     /// `(n, 14)`: mean curvatures √t h of the surface smoothed over times t, and a tenth of the wave
     /// kernel, weighted for the refinement.
     pub detail: Mat<f32>,
+    /// `(n, 5)`: mean curvatures √t h less what the wave kernel says of them. What is left cannot be told from
+    /// distances on the surface: where a back bulges and a belly is hollow.
+    pub extrinsic: Mat<f32>,
 }
 
 impl Descriptors {
@@ -84,21 +91,47 @@ impl Descriptors {
         let wave_weight = DETAIL_WAVE_WEIGHT * (DETAIL_WAVE_STEP as f64).sqrt();
         let detail = Mat::from_fn(
             n,
-            DETAIL_HEAT_TIMES.len() + WAVE_ENERGIES / DETAIL_WAVE_STEP,
+            DETAIL_CURVATURES + WAVE_ENERGIES / DETAIL_WAVE_STEP,
             |i, c| {
-                let value = if c < DETAIL_HEAT_TIMES.len() {
+                let value = if c < DETAIL_CURVATURES {
                     DETAIL_CURVATURE_WEIGHT * curvatures[(i, c)]
                 } else {
-                    wave_weight * waves[(i, DETAIL_WAVE_STEP * (c - DETAIL_HEAT_TIMES.len()))]
+                    wave_weight * waves[(i, DETAIL_WAVE_STEP * (c - DETAIL_CURVATURES))]
                 };
                 value as f32
             },
         );
-        Ok(Self { rows, detail })
+        Ok(Self {
+            rows,
+            detail,
+            extrinsic: unexplained(mass, waves.as_ref(), &curvatures)?,
+        })
     }
 }
 
-/// √t ½ n·(A⁻¹WV) of the surface V smoothed by e^{−Λt}, n its normals: without a unit, `(n, 4)`.
+/// What is left of curvatures after the best fit, by area, of a quadratic polynomial in each wave kernel value.
+fn unexplained(mass: &[f64], waves: MatRef<'_, f64>, curvatures: &Mat<f64>) -> Result<Mat<f32>> {
+    let (n, used) = (waves.nrows(), WAVE_ENERGIES / EXPLAINING_WAVE_STEP);
+    let unit = (WAVE_ENERGIES as f64).sqrt();
+    let explaining = Mat::from_fn(n, 2 * used + 1, |i, c| {
+        let wave = |at: usize| unit * waves[(i, EXPLAINING_WAVE_STEP * at)];
+        match c / used {
+            0 => wave(c),
+            1 => wave(c - used).powi(2),
+            _ => 1.0,
+        }
+    });
+    let weighted = Mat::from_fn(n, explaining.ncols(), |i, c| mass[i] * explaining[(i, c)]);
+    let gram = dense::product(weighted.transpose(), explaining.as_ref());
+    let right = dense::product(weighted.transpose(), curvatures.as_ref());
+    let fit = dense::solve_with_ridge(gram, |_| EXPLAINING_RIDGE, right.as_ref())?;
+    let explained = dense::product(explaining.as_ref(), fit.as_ref());
+    Ok(Mat::from_fn(n, curvatures.ncols(), |i, c| {
+        (curvatures[(i, c)] - explained[(i, c)]) as f32
+    }))
+}
+
+/// √t ½ n·(A⁻¹WV) of the surface V smoothed by e^{−Λt}, n its normals: without a unit, `(n, 5)`.
 fn smoothed_curvatures(
     mesh: &Mesh,
     Eigenbasis {
@@ -109,13 +142,13 @@ fn smoothed_curvatures(
     let n = mesh.vertices.len();
     let sign = mesh.volume_sign();
     // Of each time smoothed positions and, beside them, what the operator makes of them: the basis is read once.
-    let filtered = Mat::from_fn(values.len(), 6 * DETAIL_CURVATURES, |i, c| {
-        let kept = (-values[i] * DETAIL_HEAT_TIMES[c / 6]).exp();
+    let filtered = Mat::from_fn(values.len(), 6 * HEAT_TIMES.len(), |i, c| {
+        let kept = (-values[i] * HEAT_TIMES[c / 6]).exp();
         coordinates[(i, c % 3)] * if c % 6 < 3 { kept } else { kept * values[i] }
     });
     let smooth = dense::product(functions.as_ref(), filtered.as_ref());
-    let mut curvatures = Mat::zeros(n, DETAIL_CURVATURES);
-    for (column, time) in DETAIL_HEAT_TIMES.into_iter().enumerate() {
+    let mut curvatures = Mat::zeros(n, HEAT_TIMES.len());
+    for (column, time) in HEAT_TIMES.into_iter().enumerate() {
         let at = |i: usize, from: usize| [0, 1, 2].map(|c| smooth[(i, 6 * column + from + c)]);
         let positions: Vec<_> = (0..n).map(|i| at(i, 0)).collect();
         let normals = mesh::normals_of(&positions, &mesh.faces);
@@ -222,4 +255,34 @@ fn diffused(
     }
     let smooth = dense::product(functions, coefficients.as_ref());
     smooth.col_as_slice(0).to_vec()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{RINGS, torus};
+
+    #[test]
+    fn what_is_left_of_curvatures_is_uncorrelated_with_the_wave_kernel() {
+        let shape = torus(RINGS);
+        let Descriptors {
+            rows, extrinsic, ..
+        } = &shape.descriptors;
+        let sum = |term: &dyn Fn(usize) -> f64| -> f64 {
+            (0..extrinsic.nrows())
+                .map(|v| shape.mass[v] * term(v))
+                .sum()
+        };
+        for scale in 0..extrinsic.ncols() {
+            let left = |v: usize| f64::from(extrinsic[(v, scale)]);
+            let power = sum(&|v| left(v).powi(2));
+            assert!(power > 0.0);
+            for energy in (0..WAVE_ENERGIES).step_by(EXPLAINING_WAVE_STEP) {
+                let wave = |v: usize| f64::from(rows.row(v)[energy]);
+                let bound = (power * sum(&|v| wave(v).powi(2))).sqrt();
+                // The ridge leaves 1e-6 times coefficients of some hundreds.
+                assert!(sum(&|v| left(v) * wave(v)).abs() < 1e-3 * bound);
+            }
+        }
+    }
 }

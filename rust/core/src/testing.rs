@@ -9,7 +9,7 @@ use crate::shape::Shape;
 
 /// Rings of a whole torus, and vertices of a ring.
 pub const RINGS: usize = 48;
-const AROUND: usize = 20;
+pub const AROUND: usize = 20;
 
 /// The first so many rings of a torus with a thin and a thick side. Vertices have the same numbers in all.
 pub fn torus(rings: usize) -> Shape {

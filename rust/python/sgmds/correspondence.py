@@ -38,10 +38,11 @@ class Quality:
     in [−1, 1], 1 where the surface never turns over; `local_distortion`, mean change of short distances over
     √area; `contradiction`, how far the map misses landmarks and common axes; `margin`, by how many times the
     best other map fits worse, at most 2; `apart`, mean distance of an alternative from the chosen map over
-    √area; `agreement`, correlation of curvatures at matched points; `mirrored_gain`, by how many times the
-    best mirrored map fits better; `torn`, share of the target's area where the images of neighbours lie
-    more than 0.15 √area farther apart than they. Of methods that minimise: `energy` at the end,
-    `gradient_norm`, `steps` and `converged`.
+    √area; `agreement`, correlation of curvatures at matched points; `extrinsic_agreement`, the same of what
+    distances on the surfaces do not tell of them; `mirrored_gain`, by how many times the best mirrored map
+    fits better; `torn`, share of the target's area where the images of neighbours lie more than 0.15 √area
+    farther apart than they. Of methods that minimise: `energy` at the end, `gradient_norm`, `steps` and
+    `converged`.
     """
 
 

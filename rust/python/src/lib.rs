@@ -324,6 +324,7 @@ impl RawMatch {
                 margin,
                 apart,
                 agreement,
+                extrinsic_agreement,
                 mirrored_gain,
                 torn,
             } = *figures;
@@ -333,6 +334,7 @@ impl RawMatch {
             dict.set_item("margin", margin)?;
             dict.set_item("apart", apart)?;
             dict.set_item("agreement", agreement)?;
+            dict.set_item("extrinsic_agreement", extrinsic_agreement)?;
             dict.set_item("mirrored_gain", mirrored_gain)?;
             dict.set_item("torn", torn)?;
         }

@@ -2,7 +2,7 @@
 
 use faer::{Mat, MatRef, Scale};
 
-use crate::descriptors::DETAIL_CURVATURES;
+use crate::descriptors::{DETAIL_CURVATURES, Descriptors};
 use crate::orientation::{FUNCTIONS, TangentGradients, orientation};
 use crate::pair::{Pair, Part, Shares};
 use crate::refinement::embedded_surface::Refined;
@@ -11,8 +11,8 @@ use crate::shape::{JUDGED, Shape};
 /// Eigenfunctions of the orientation test at 60.
 const ORIENTATION_FUNCTIONS: usize = 24;
 /// Weight of the orientation in the score and in the rank: a perfect one is 1.
-pub(super) const ORIENTATION_OFFSET: (f64, f64) = (1.2, 1.5);
-/// Root of what agreement of curvatures leaves of the rank: a perfect one is 1.
+pub(super) const ORIENTATION_OFFSET: (f64, f64) = (1.2, 2.0);
+/// What agreement of extrinsic looks leaves of the rank, squared: a perfect one is about 0.
 const DISAGREEMENT_OFFSET: f64 = 1.05;
 /// Distortions that differ by less are equal: spectral distances are about 2 % off.
 const DISTORTION_NOISE: f64 = 2e-3;
@@ -38,6 +38,9 @@ pub struct Figures {
     pub apart: f64,
     /// Mean correlation of the curvatures of both shapes at matched points.
     pub agreement: f64,
+    /// Mean correlation of what [distances cannot tell](crate::descriptors::Descriptors::extrinsic) of them: turned
+    /// front to back, a body keeps its distances and how thin its limbs are, but not where it is hollow.
+    pub extrinsic_agreement: f64,
     /// How much worse the best direct map would be than the best mirrored one, 1 and below when
     /// it is not.
     pub mirrored_gain: f64,
@@ -53,13 +56,13 @@ impl Figures {
         self.surface_rank() * (1.0 + self.contradiction)
     }
 
-    /// How far short distances change, raised where the surface turns over and where curvatures do not
-    /// agree.
+    /// How far short distances change, raised where the surface turns over and where extrinsic looks do
+    /// not agree.
     #[must_use]
     pub fn surface_rank(&self) -> f64 {
         (self.local_distortion + DISTORTION_NOISE)
             * (ORIENTATION_OFFSET.1 - self.orientation)
-            * (DISAGREEMENT_OFFSET - self.agreement).sqrt()
+            * (DISAGREEMENT_OFFSET - self.extrinsic_agreement).powi(2)
     }
 }
 
@@ -149,6 +152,7 @@ pub fn figures(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &[Vec<u32>; 2])
             0.0
         },
         agreement: agreement(pair, images),
+        extrinsic_agreement: correlation(pair, images, |looks| looks.extrinsic.as_ref()),
         ..Figures::default()
     }
 }
@@ -156,31 +160,49 @@ pub fn figures(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &[Vec<u32>; 2])
 /// How well the curvatures of both shapes [agree](Figures::agreement), given the images of their farthest-point samples.
 #[must_use]
 pub fn agreement(pair: &Pair<'_>, images: &[Vec<u32>; 2]) -> f64 {
-    let (target, source) = (pair.target, pair.source);
-    let [on_source, on_target] = images.each_ref().map(|images| of_judged(images));
+    correlation(pair, images, |looks| {
+        looks.detail.subcols(0, DETAIL_CURVATURES)
+    })
+}
+
+/// Mean correlation over the smoothing scales between what both shapes look like at the samples on which maps are judged
+/// and at their images; 0 for shapes without features.
+fn correlation(
+    pair: &Pair<'_>,
+    images: &[Vec<u32>; 2],
+    looks: impl Fn(&Descriptors) -> MatRef<'_, f32>,
+) -> f64 {
+    let one_way = |asking: &Shape, answering: &Shape, images: &[u32]| {
+        let (own, there) = (looks(&asking.descriptors), looks(&answering.descriptors));
+        let at = |looks: MatRef<'_, f32>, scale: usize, vertices: &[u32]| -> Vec<f64> {
+            let look = |&v: &u32| f64::from(looks[(v as usize, scale)]);
+            vertices.iter().map(look).collect()
+        };
+        let (here, images) = (judging(asking), of_judged(images));
+        let scales = 0..own.ncols();
+        scales
+            .map(|scale| correlation_of(at(own, scale, here), at(there, scale, images)))
+            .sum::<f64>()
+            / own.ncols() as f64
+    };
+    let [on_source, on_target] = images;
     pair.shares.mean(
-        curvature_agreement(target, judging(target), source, on_source),
-        curvature_agreement(source, judging(source), target, on_target),
+        one_way(pair.target, pair.source, on_source),
+        one_way(pair.source, pair.target, on_target),
     )
 }
 
-/// Mean correlation over the smoothing scales between one shape's curvature at some vertices and the
-/// other's at their images; 0 for shapes without features.
-fn curvature_agreement(asking: &Shape, vertices: &[u32], answering: &Shape, images: &[u32]) -> f64 {
-    let (own, there) = (&asking.descriptors.detail, &answering.descriptors.detail);
-    let count = vertices.len() as f64;
-    let correlation = |scale: usize| {
-        let here = |i: usize| f64::from(own[(vertices[i] as usize, scale)]);
-        let image = |i: usize| f64::from(there[(images[i] as usize, scale)]);
-        let mean =
-            |value: &dyn Fn(usize) -> f64| (0..vertices.len()).map(value).sum::<f64>() / count;
-        let (mean_here, mean_image) = (mean(&here), mean(&image));
-        let covariance = mean(&|i| (here(i) - mean_here) * (image(i) - mean_image));
-        let power_here = mean(&|i| (here(i) - mean_here).powi(2));
-        let power_image = mean(&|i| (image(i) - mean_image).powi(2));
-        covariance / ((power_here * power_image).sqrt() + CURVATURE_FLOOR)
-    };
-    (0..DETAIL_CURVATURES).map(correlation).sum::<f64>() / DETAIL_CURVATURES as f64
+/// Correlation of two lists.
+fn correlation_of(mut a: Vec<f64>, mut b: Vec<f64>) -> f64 {
+    let count = a.len() as f64;
+    for list in [&mut a, &mut b] {
+        let mean = list.iter().sum::<f64>() / count;
+        for x in list.iter_mut() {
+            *x -= mean;
+        }
+    }
+    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>() / count;
+    product(&a, &b) / ((product(&a, &a) * product(&b, &b)).sqrt() + CURVATURE_FLOOR)
 }
 
 /// Mean |a − b| over pairs whose first distance is below the limit.
@@ -195,4 +217,31 @@ pub(super) fn mean_change(a: &Mat<f64>, b: &Mat<f64>, limit: f64) -> f64 {
         }
     }
     sum / f64::max(count, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::hints::Hints;
+    use crate::testing::{AROUND, RINGS, pair, torus};
+
+    /// A tube turned by half a turn around its own centre line stays as thick, with its hollow side outside.
+    #[test]
+    fn a_turned_tube_looks_alike_but_for_what_distances_cannot_tell() {
+        let (shape, hints) = (torus(RINGS), Hints::default());
+        let pair = pair(&shape, &shape, Shares::BOTH, &hints);
+        let half = AROUND as u32 / 2;
+        let around = AROUND as u32;
+        let turned = |&v: &u32| v / around * around + (v % around + half) % around;
+        let agreements = |images: Vec<u32>| {
+            let images = [images.clone(), images];
+            let extrinsic = correlation(&pair, &images, |looks| looks.extrinsic.as_ref());
+            [agreement(&pair, &images), extrinsic]
+        };
+        let itself = agreements(shape.farthest.clone());
+        let turned = agreements(shape.farthest.iter().map(turned).collect());
+        // Even the map to itself stays below 1, by what keeps flat shapes from dividing by zero.
+        let kept = |of: usize| turned[of] / itself[of];
+        assert!(kept(0) > kept(1) + 0.2, "{turned:?} of {itself:?}");
+    }
 }
