@@ -1,7 +1,7 @@
 """Errors and grades between generated characters of random proportions, where every counterpart is known.
 
-    python tests/reliability/random_bodies.py [--parts] [--wide] [--both-ways] [--pairs 40] [--seed 11]
-        [--json OUT]
+    python tests/reliability/random_bodies.py [--parts | --holes] [--wide] [--both-ways] [--pairs 40]
+        [--seed 11] [--json OUT]
 
 Each pair is of one kind, every fourth a quadruped. Each body has a named build or one whose lengths and
 thicknesses are scaled by exp(s·N(0, 1)), s from 0.1 to 0.2 (with --wide 0.2 or 0.3), a named pose and 2,500
@@ -84,8 +84,16 @@ def area(vertices, faces):
     return np.linalg.norm(across, axis=1) / 2
 
 
+def largest_piece(faces, vertices: int):
+    """Those of the faces that are connected and the most."""
+    sides = np.concatenate([faces[:, :2], faces[:, 1:]])
+    joined = coo_array((np.ones(len(sides)), sides.T), shape=(vertices, vertices))
+    _, piece = connected_components(joined, directed=False)
+    return faces[piece[faces[:, 0]] == np.bincount(piece[faces[:, 0]]).argmax()]
+
+
 def cut(vertices, faces, rng):
-    """Faces of the largest piece that a cut or some holes leave, in the given numbering."""
+    """Faces of the largest piece that a cut or some large holes leave, in the given numbering."""
     edges = np.concatenate([faces, np.roll(faces, 1, axis=1)]).reshape(-1, 3)[:, :2]
     lengths = np.linalg.norm(vertices[edges[:, 0]] - vertices[edges[:, 1]], axis=1)
     graph = coo_array((lengths, edges.T), shape=(len(vertices),) * 2).tocsr()
@@ -95,11 +103,29 @@ def cut(vertices, faces, rng):
     order = np.argsort(away)
     removed = rng.uniform(0.1, 0.25) if holes else rng.uniform(0.15, 0.45)
     within = np.cumsum(area(vertices, faces)[order])
-    left = faces[order[within > removed * within[-1]]]
-    sides = np.concatenate([left[:, :2], left[:, 1:]])
-    joined = coo_array((np.ones(len(sides)), sides.T), shape=graph.shape)
-    _, piece = connected_components(joined, directed=False)
-    return left[piece[left[:, 0]] == np.bincount(piece[left[:, 0]]).argmax()]
+    return largest_piece(faces[order[within > removed * within[-1]]], len(vertices))
+
+
+def with_small_holes(vertices, faces, rng):
+    """Faces of the largest piece that two to four small holes leave, in the given numbering."""
+    unit = np.sqrt(area(vertices, faces).sum())
+    centres = vertices[faces].mean(axis=1)
+    left = np.ones(len(faces), dtype=bool)
+    for point in rng.choice(len(vertices), rng.integers(2, 5), replace=False):
+        left &= np.linalg.norm(centres - vertices[point], axis=1) > rng.uniform(0.02, 0.07) * unit
+    return largest_piece(faces[left], len(vertices))
+
+
+def faces_left(source, target, number: int, options, rng):
+    """Faces of both bodies that take part."""
+    bodies = (source, target)
+    if options.holes:
+        return [with_small_holes(body.vertices, body.faces, rng) for body in bodies]
+    left = [body.faces for body in bodies]
+    if options.parts:
+        which = (number + 1) % 2
+        left[which] = cut(bodies[which].vertices, bodies[which].faces, rng)
+    return left
 
 
 def without_unused(vertices, faces):
@@ -110,31 +136,17 @@ def without_unused(vertices, faces):
     return vertices[used], number[faces], number
 
 
-def errors_of_part(source, target, cut_source: bool, rng):
-    """The match of a pair of which one was cut, and the distances of images from true counterparts."""
-    meshes = [(source.vertices, source.faces), (target.vertices, target.faces)]
+def matched(source, target, faces):
+    """The match of what is left of two bodies, and the distances of images from true counterparts."""
+    *source_mesh, of_source = without_unused(source.vertices, faces[0])
+    *target_mesh, of_target = without_unused(target.vertices, faces[1])
     ids, truth = characters.truth(target, source)
-    which = 0 if cut_source else 1
-    vertices, faces = meshes[which]
-    *mesh, number = without_unused(vertices, cut(vertices, faces, rng))
-    meshes[which] = tuple(mesh)
-    if cut_source:
-        # Points whose nearest vertex is left have a counterpart.
-        nearest = KDTree(vertices).query(truth)[1]
-        kept = number[nearest] >= 0
-        ids, truth = ids[kept], truth[kept]
-    else:
-        kept = number[ids] >= 0
-        ids, truth = number[ids][kept], truth[kept]
-    found = sgmds.match(*meshes)
-    return found, np.linalg.norm(found.transfer(meshes[0][0])[ids] - truth, axis=1)
-
-
-def errors_of_whole(source, target):
-    """The match of a pair, and the distances of images from true counterparts."""
-    ids, truth = characters.truth(target, source)
-    found = sgmds.match((source.vertices, source.faces), (target.vertices, target.faces))
-    return found, np.linalg.norm(found.transfer(source.vertices)[ids] - truth, axis=1)
+    # Points whose nearest vertex is left have a counterpart.
+    nearest = KDTree(source.vertices).query(truth)[1]
+    kept = (of_source[nearest] >= 0) & (of_target[ids] >= 0)
+    found = sgmds.match(tuple(source_mesh), tuple(target_mesh))
+    images = found.transfer(source_mesh[0])[of_target[ids[kept]]]
+    return found, np.linalg.norm(images - truth[kept], axis=1)
 
 
 def drawn_pairs(options, rng):
@@ -149,7 +161,9 @@ def drawn_pairs(options, rng):
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--parts", action="store_true")
+    missing = parser.add_mutually_exclusive_group()
+    missing.add_argument("--parts", action="store_true", help="one body is cut")
+    missing.add_argument("--holes", action="store_true", help="both bodies have small holes")
     parser.add_argument("--wide", action="store_true", help="builds that differ more")
     parser.add_argument("--both-ways", action="store_true", help="each pair from either side")
     parser.add_argument("--pairs", type=int, default=40)
@@ -159,10 +173,7 @@ def main() -> int:
     rng = np.random.default_rng(options.seed)
     records = []
     for number, kind, ((source_name, source), (target_name, target)) in drawn_pairs(options, rng):
-        if options.parts:
-            found, away = errors_of_part(source, target, number % 2 == 1, rng)
-        else:
-            found, away = errors_of_whole(source, target)
+        found, away = matched(source, target, faces_left(source, target, number, options, rng))
         record = {
             "kind": kind,
             "source": source_name,

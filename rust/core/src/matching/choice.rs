@@ -6,6 +6,7 @@ use rayon::prelude::*;
 
 use super::Correspondence;
 use super::completed::{Completed, completed_alone, completed_and_ranked};
+use super::left_over::begins_at_rims;
 use super::of_part::{
     best_of_part, may_be_part, part_by_given_lengths, placed, placed_anyhow, refine_on_covered,
     with_relocations,
@@ -24,9 +25,10 @@ use crate::symmetry;
 use crate::vector;
 
 /// A map between a part and a whole is taken when its rank, without what it contradicts, is below this times
-/// that of the map between wholes: right ones reach 0.53 to 0.79, on whole shapes they stay above 0.84.
+/// that of the map between wholes: right ones reach 0.21 to 0.77; where the map between wholes is the better one they stay above
+/// 0.81, or leave over what [begins elsewhere](begins_at_rims) than at a rim.
 const PART_FITS_BETTER: f64 = 0.8;
-/// The same where the part has no rim, as if nothing were cut off: between animals wrong ones reach 0.71.
+/// The same where the part has no rim, as if nothing were cut off: between animals wrong ones reach 0.66.
 const CLOSED_PART_FITS_BETTER: f64 = 0.6;
 /// The same where given lengths say that it is a part and the map between wholes is doubtful: one that wraps a cut
 /// cat into a whole one reaches the rank of the right part.
@@ -34,8 +36,8 @@ const KNOWN_PART_FITS_BETTER: f64 = 1.1;
 /// Close hypotheses completed at most.
 const MOST_COMPLETED: usize = 3;
 /// Symmetries found on both shapes are the same when the best map that respects them has at most this times the
-/// rank of the best one that does not, each without what it contradicts: right ones stay below 1.25, also
-/// between cats and horses, where one of them was mistaken it is above 1.5.
+/// rank of the best one that does not, each without what it contradicts: right ones stay below 1.1; from 1.36 on
+/// they bring nothing, or one of them was mistaken.
 const SAME_SYMMETRY: f64 = 1.35;
 /// Two images of a vertex that are farther apart than this are different.
 const ELSEWHERE: f64 = 0.05;
@@ -113,7 +115,10 @@ pub(super) fn whole_or_part(
             let placed = placed_anyhow(pair, part_is, &found, progress)?;
             found = selection::merged(pair.source, found, placed);
         }
-        if fits_better(&found, &whole, better) && fits_better(&found, &best[0].figures, 1.0) {
+        if fits_better(&found, &whole, better)
+            && fits_better(&found, &best[0].figures, 1.0)
+            && (!is_open || begins_at_rims(pair, part_is, &found[0]))
+        {
             found.push(best.swap_remove(0));
             best = found;
         }
@@ -161,7 +166,7 @@ fn or_part(
     } else {
         PART_FITS_BETTER
     };
-    if fits_better(&found, &whole, better) {
+    if fits_better(&found, &whole, better) && begins_at_rims(pair, part_is, &found[0]) {
         found.push(best.swap_remove(0));
         best = found;
     }
@@ -277,8 +282,14 @@ pub(super) fn clearest(
     let (best, mut map) = found.ok_or(Error::NoMap {
         reason: "no candidate stood in the vote".into(),
     })?;
-    refine_on_covered(pair, &mut hypotheses[best], &mut map, progress, report)?;
     selection::compare_with_chosen(pair.source, best, &mut hypotheses);
+    let of_part = hypotheses[best].is_of_part();
+    refine_on_covered(pair, &mut hypotheses[best], &mut map, progress, report)?;
+    if of_part {
+        // A map between wholes that has become one of a part is not compared anew: half as many questions
+        // leave it before all others.
+        selection::compare_with_chosen(pair.source, best, &mut hypotheses);
+    }
     let chosen = hypotheses.remove(best);
     let mut found = map.finished(pair, &chosen, progress)?;
     found.others = hypotheses;

@@ -3,6 +3,7 @@
 mod choice;
 mod completed;
 mod correspondence;
+mod left_over;
 mod of_part;
 mod published;
 
