@@ -140,7 +140,7 @@ fn with_figures<'a>(
     })
 }
 
-/// Figures of the refined map of a hypothesis.
+/// Figures of the refined map of a hypothesis; what is known of it beside others is kept.
 pub(super) fn judged(
     pair: &Pair<'_>,
     hypothesis: &Hypothesis,
@@ -153,9 +153,18 @@ pub(super) fn judged(
         .is_of_part()
         .then(|| map.low_map(UPSAMPLED_SIZE))
         .transpose()?;
+    let Figures {
+        contradiction,
+        margin,
+        apart,
+        mirrored_gain,
+        ..
+    } = hypothesis.figures;
     Ok(Figures {
-        contradiction: hypothesis.figures.contradiction,
-        mirrored_gain: hypothesis.figures.mirrored_gain,
+        contradiction,
+        margin,
+        apart,
+        mirrored_gain,
         ..selection::figures(
             pair,
             of_part.as_ref().unwrap_or(&hypothesis.matrix).as_ref(),

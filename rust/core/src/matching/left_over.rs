@@ -16,8 +16,8 @@ const BEGINS_WITHIN: f64 = 0.15;
 /// [Nearness](crate::rims::nearness) of a sample at a rim: 0.04 from it.
 const AT_RIM: f64 = 0.17;
 /// What may begin elsewhere: this share of the samples, fingertips that lie a little away from all images, and this share of
-/// what is left over. Right maps of cut bodies stay below 0.013 where little is left over and below 0.15 of it
-/// elsewhere; maps that take a whole body with small holes for a part leave 0.3 to 1 of it so.
+/// what is left over. Right maps of cut bodies have at most 0.013 where little is left over, else at most 0.15 of
+/// it; maps that take a whole body with small holes for a part leave 0.3 to 1 of it so.
 const ELSEWHERE_AT_MOST: (f64, f64) = (0.01, 0.2);
 
 /// Whether what a map of a part leaves over of the whole begins at rims of the part.

@@ -15,7 +15,7 @@ use crate::quality;
 use crate::refinement::covered;
 use crate::refinement::embedded_surface::Refined;
 use crate::refinement::relative_length::growth_at_samples;
-use crate::selection::{self, Figures, Hypothesis};
+use crate::selection::{self, Hypothesis};
 use crate::shape::Shape;
 
 /// Lengths of a part in units of the whole, both at unit area, when they are given in one unit: a body that is no
@@ -229,13 +229,7 @@ pub(super) fn refine_on_covered<'a>(
         if found.figures.rank() > bound {
             return Ok(());
         }
-        let before = hypothesis.figures;
-        let figures = Figures {
-            margin: before.margin,
-            apart: before.apart,
-            ..found.figures
-        };
-        as_part.judge_anew(figures, &found.state);
+        as_part.judge_anew(found.figures, &found.state);
         *hypothesis = as_part.clone();
         *map = found;
     }
