@@ -23,7 +23,7 @@ const CURVATURE_LIMIT: f64 = 50.0;
 /// Heat time that smooths the curvature column; unit area.
 const CURVATURE_HEAT_TIME: f64 = 3e-3;
 /// Heat times of curvatures: from a finger's width to a limb's and a chest's.
-const HEAT_TIMES: [f64; 5] = [3e-4, 1e-3, 3e-3, 1e-2, 3e-2];
+pub const HEAT_TIMES: [f64; 5] = [3e-4, 1e-3, 3e-3, 1e-2, 3e-2];
 /// How many of these curvatures the detail begins with; they help the refinement.
 pub const DETAIL_CURVATURES: usize = 4;
 /// Weight of √t h in the refinement. From 0.1 to 0.25 errors change little; 0.8 doubles them.

@@ -174,9 +174,15 @@ pub fn graded(figures: &Figures, shares: Shares) -> (Grade, Vec<String>) {
             "neighbours on the target go to places far apart: limbs may have grown together where they touch".into(),
         );
     }
+    // A part is asked half as many questions, but looks like what it is a part of.
+    let unlike_part = shares != Shares::BOTH && figures.agreement < LOOKS_ALIKE;
     let grade = if score < SCORE.0 {
         Grade::Red
-    } else if score < SCORE.1 || torn || doubtful(figures) || figures.mirrored_gain > MIRRORED_GAIN
+    } else if score < SCORE.1
+        || unlike_part
+        || torn
+        || doubtful(figures)
+        || figures.mirrored_gain > MIRRORED_GAIN
     {
         Grade::Amber
     } else {
@@ -192,15 +198,30 @@ pub fn graded(figures: &Figures, shares: Shares) -> (Grade, Vec<String>) {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_torn_surface_is_not_green_unless_it_is_met_by_a_part() {
-        let good = Figures {
+    fn good() -> Figures {
+        Figures {
             orientation: 0.9,
             local_distortion: 0.01,
             agreement: 0.9,
             margin: MARGIN.1,
             ..Figures::default()
+        }
+    }
+
+    #[test]
+    fn a_part_that_looks_like_another_body_is_not_green() {
+        let unlike = Figures {
+            agreement: f64::midpoint(SCORE.1, LOOKS_ALIKE),
+            ..good()
         };
+        let grades = [Shares::BOTH, Shares::TARGET_IS_PART, Shares::SOURCE_IS_PART]
+            .map(|shares| graded(&unlike, shares).0);
+        assert_eq!(grades, [Grade::Green, Grade::Amber, Grade::Amber]);
+    }
+
+    #[test]
+    fn a_torn_surface_is_not_green_unless_it_is_met_by_a_part() {
+        let good = good();
         let torn = Figures { torn: 0.01, ..good };
         assert_eq!(graded(&good, Shares::BOTH).0, Grade::Green);
         let (grade, reasons) = graded(&torn, Shares::BOTH);

@@ -26,6 +26,16 @@ pub fn nearness(mesh: &Mesh) -> Vec<f64> {
     mesh.vertices.par_iter().map(near).collect()
 }
 
+/// A [nearness] as if it fell to 1/e at the given distance.
+#[must_use]
+pub fn nearness_at(distance: f64, nearness: f64) -> f64 {
+    if nearness == 0.0 {
+        0.0
+    } else {
+        nearness.powf((REACH / distance).powi(2))
+    }
+}
+
 /// How surely each target vertex lies beyond a rim of the source, in [0, 1], from the [nearness] of both: what the source
 /// lacks is mapped onto the rim where it was cut off. Rims that the target has there too do not count.
 #[must_use]

@@ -282,14 +282,9 @@ pub(super) fn clearest(
     let (best, mut map) = found.ok_or(Error::NoMap {
         reason: "no candidate stood in the vote".into(),
     })?;
+    // Before it is refined on what it covers, as no other is.
     selection::compare_with_chosen(pair.source, best, &mut hypotheses);
-    let of_part = hypotheses[best].is_of_part();
     refine_on_covered(pair, &mut hypotheses[best], &mut map, progress, report)?;
-    if of_part {
-        // A map between wholes that has become one of a part is not compared anew: half as many questions
-        // leave it before all others.
-        selection::compare_with_chosen(pair.source, best, &mut hypotheses);
-    }
     let chosen = hypotheses.remove(best);
     let mut found = map.finished(pair, &chosen, progress)?;
     found.others = hypotheses;

@@ -34,10 +34,10 @@ const RELOCATIONS: usize = 3;
 /// map they come from.
 const WORTH_COMPLETING: f64 = 1.25;
 /// Times that the map of a part is refined on what it covers of the whole.
-const COVERED_ROUNDS: usize = 2;
-/// Such a map is kept when its rank is below this times that of the map before: where too much was cut away it is above
-/// 1.25, else mostly below 1.05 and 1.12 at most.
-const COVERED_WELL: f64 = 1.2;
+const COVERED_ROUNDS: usize = 5;
+/// Such a map is kept when its rank is below this times that of the map before the first time: where too much was cut away
+/// it is above, else mostly below 1.1 and 1.25 at most.
+const COVERED_WELL: f64 = 1.25;
 
 /// Which open shape is a part, and lengths, if both are of one size as given: it is then clearly smaller.
 pub(super) fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Which, f64)> {
@@ -219,8 +219,8 @@ pub(super) fn refine_on_covered<'a>(
     } else {
         judged(pair, &as_part, &map.state)?.rank()
     };
-    let within = |f: f64| report("refinement", 0.9 * f);
-    for _ in 0..COVERED_ROUNDS {
+    for round in 0..COVERED_ROUNDS {
+        let within = |f: f64| report("refinement", (round as f64 + f) / COVERED_ROUNDS as f64);
         let found = covered::refined_on_covered(pair, &map.state, progress, &within)?;
         let Some(state) = found else {
             return Ok(());

@@ -2,10 +2,11 @@
 
 use faer::{Mat, MatRef, Scale};
 
-use crate::descriptors::{DETAIL_CURVATURES, Descriptors};
+use crate::descriptors::{DETAIL_CURVATURES, Descriptors, HEAT_TIMES};
 use crate::orientation::{FUNCTIONS, TangentGradients, orientation};
 use crate::pair::{Pair, Part, Shares};
 use crate::refinement::embedded_surface::Refined;
+use crate::rims;
 use crate::shape::{JUDGED, Shape};
 
 /// Eigenfunctions of the orientation test at 60.
@@ -166,7 +167,8 @@ pub fn agreement(pair: &Pair<'_>, images: &[Vec<u32>; 2]) -> f64 {
 }
 
 /// Mean correlation over the smoothing scales between what both shapes look like at the samples on which maps are judged
-/// and at their images; 0 for shapes without features.
+/// and at their images; 0 for shapes without features. A sample counts the less the more of a rim is smoothed into what it
+/// or its image looks like.
 fn correlation(
     pair: &Pair<'_>,
     images: &[Vec<u32>; 2],
@@ -179,11 +181,20 @@ fn correlation(
             vertices.iter().map(look).collect()
         };
         let (here, images) = (judging(asking), of_judged(images));
+        let correlated = |scale: usize| {
+            let smoothed = (2.0 * HEAT_TIMES[scale]).sqrt();
+            let clear = |shape: &Shape, v: u32| {
+                1.0 - rims::nearness_at(smoothed, shape.rim_nearness[v as usize])
+            };
+            let weights: Vec<f64> = here
+                .iter()
+                .zip(images)
+                .map(|(&v, &image)| clear(asking, v) * clear(answering, image))
+                .collect();
+            correlation_of(&weights, at(own, scale, here), at(there, scale, images))
+        };
         let scales = 0..own.ncols();
-        scales
-            .map(|scale| correlation_of(at(own, scale, here), at(there, scale, images)))
-            .sum::<f64>()
-            / own.ncols() as f64
+        scales.map(correlated).sum::<f64>() / own.ncols() as f64
     };
     let [on_source, on_target] = images;
     pair.shares.mean(
@@ -192,16 +203,20 @@ fn correlation(
     )
 }
 
-/// Correlation of two lists.
-fn correlation_of(mut a: Vec<f64>, mut b: Vec<f64>) -> f64 {
-    let count = a.len() as f64;
+/// Correlation of two weighted lists.
+fn correlation_of(weights: &[f64], mut a: Vec<f64>, mut b: Vec<f64>) -> f64 {
+    // Zero where all lies on rims.
+    let total = weights.iter().sum::<f64>().max(f64::MIN_POSITIVE);
     for list in [&mut a, &mut b] {
-        let mean = list.iter().sum::<f64>() / count;
+        let mean = weights.iter().zip(&*list).map(|(w, x)| w * x).sum::<f64>() / total;
         for x in list.iter_mut() {
             *x -= mean;
         }
     }
-    let product = |a: &[f64], b: &[f64]| a.iter().zip(b).map(|(x, y)| x * y).sum::<f64>() / count;
+    let product = |a: &[f64], b: &[f64]| {
+        let terms = weights.iter().zip(a).zip(b).map(|((w, x), y)| w * x * y);
+        terms.sum::<f64>() / total
+    };
     product(&a, &b) / ((product(&a, &a) * product(&b, &b)).sqrt() + CURVATURE_FLOOR)
 }
 
@@ -243,5 +258,20 @@ mod tests {
         // Even the map to itself stays below 1, by what keeps flat shapes from dividing by zero.
         let kept = |of: usize| turned[of] / itself[of];
         assert!(kept(0) > kept(1) + 0.2, "{turned:?} of {itself:?}");
+    }
+
+    /// A surface that was cut off is smoothed otherwise along its rims.
+    #[test]
+    fn looks_at_rims_do_not_count() {
+        let (whole, mut part, hints) = (torus(RINGS), torus(RINGS / 2), Hints::default());
+        let agreement_with_itself = |shape: &Shape| {
+            let pair = pair(shape, &whole, Shares::TARGET_IS_PART, &hints);
+            agreement(&pair, &[shape.farthest.clone(), whole.farthest.clone()])
+        };
+        let counted = agreement_with_itself(&part);
+        part.rim_nearness.fill(0.0);
+        let all = agreement_with_itself(&part);
+        assert!(counted > all + 0.03, "{counted} and {all}");
+        assert!(agreement_with_itself(&whole) > counted);
     }
 }
