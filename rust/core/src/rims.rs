@@ -30,6 +30,7 @@ pub fn nearness(mesh: &Mesh) -> Vec<f64> {
 #[must_use]
 pub fn nearness_at(distance: f64, nearness: f64) -> f64 {
     if nearness == 0.0 {
+        // As everywhere on closed surfaces: no power is worked out.
         0.0
     } else {
         nearness.powf((REACH / distance).powi(2))

@@ -35,8 +35,8 @@ const RELOCATIONS: usize = 3;
 const WORTH_COMPLETING: f64 = 1.25;
 /// Times that the map of a part is refined on what it covers of the whole.
 const COVERED_ROUNDS: usize = 5;
-/// Such a map is kept when its rank is below this times that of the map before the first time: where too much was cut away
-/// it is above, else mostly below 1.1 and 1.25 at most.
+/// Such a map is kept when its rank is below this times that of the map before the first time: right ones stay below 1.1 mostly
+/// and 1.25 at most. Where too much was cut away it was above 1.25, measured before rims counted less in the rank.
 const COVERED_WELL: f64 = 1.25;
 
 /// Which open shape is a part, and lengths, if both are of one size as given: it is then clearly smaller.
