@@ -31,6 +31,7 @@ mod part_relocation;
 mod part_search;
 pub mod pointwise_map;
 pub mod progress;
+pub mod protrusions;
 pub mod quality;
 pub mod refinement;
 pub mod rims;

@@ -18,6 +18,7 @@ use crate::mesh::{Adjacency, Mesh};
 use crate::metric::{Measured, Metric};
 use crate::nearest::Cells;
 use crate::progress::{Check, Progress};
+use crate::protrusions::Protrusions;
 use crate::rims;
 use crate::vector::Point;
 
@@ -102,6 +103,7 @@ pub struct Shape {
     /// What holds the surface together, and what carries its parts, when it is drawn onto another.
     rigidity: OnceLock<Rigidity>,
     deformation_graph: OnceLock<DeformationGraph>,
+    protrusions: OnceLock<Protrusions>,
 }
 
 impl Shape {
@@ -277,6 +279,7 @@ impl Shape {
             marching,
             rigidity: OnceLock::new(),
             deformation_graph: OnceLock::new(),
+            protrusions: OnceLock::new(),
         })
     }
 
@@ -346,6 +349,12 @@ impl Shape {
         let nodes = self.farthest_points(NODES);
         let found = || DeformationGraph::new(&self.mesh.vertices, &self.neighbours, nodes);
         known_or_found(&self.deformation_graph, found)
+    }
+
+    /// Its fingers and what else sticks out; found when first asked for, since only maps between wholes need them.
+    pub fn protrusions(&self) -> &Protrusions {
+        self.protrusions
+            .get_or_init(|| Protrusions::new(self.fields.as_ref(), &self.mass, &self.neighbours))
     }
 
     /// Finds what is otherwise found when first asked for.

@@ -13,12 +13,30 @@ pub const AROUND: usize = 20;
 
 /// The first so many rings of a torus with a thin and a thick side. Vertices have the same numbers in all.
 pub fn torus(rings: usize) -> Shape {
+    spiked(rings, &[])
+}
+
+/// Vertices on the inner side of a torus that are spikes.
+pub const SPIKES: [u32; 4] = [10, 14, 33, 50];
+
+/// The whole torus with spikes close to one another.
+pub fn spiked_torus() -> Shape {
+    spiked(RINGS, &SPIKES)
+}
+
+fn spiked(rings: usize, spikes: &[u32]) -> Shape {
+    const HEIGHT: f64 = 0.35;
     let at = |i: usize, j: usize| ((i % RINGS) * AROUND + j % AROUND) as i64;
     let angle = |i: usize, of: usize| TAU * i as f64 / of as f64;
     let vertices: Vec<_> = (0..RINGS * AROUND)
-        .map(|v| {
-            let (u, v) = (angle(v / AROUND, RINGS), angle(v % AROUND, AROUND));
-            let thick = 0.3 + 0.1 * u.cos() + 0.05 * (2.0 * u).sin();
+        .map(|number| {
+            let (u, v) = (
+                angle(number / AROUND, RINGS),
+                angle(number % AROUND, AROUND),
+            );
+            let spike = spikes.contains(&(number as u32));
+            let lifted = if spike { HEIGHT } else { 0.0 };
+            let thick = 0.3 + 0.1 * u.cos() + 0.05 * (2.0 * u).sin() + lifted;
             let radius = 1.0 + thick * v.cos();
             [radius * u.cos(), radius * u.sin(), thick * v.sin()]
         })

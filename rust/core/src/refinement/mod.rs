@@ -3,6 +3,7 @@
 pub mod coinciding;
 pub mod covered;
 pub mod embedded_surface;
+pub mod fingers;
 pub mod parts;
 pub mod propagation;
 pub mod regions;

@@ -5,7 +5,7 @@
 //! normals then disambiguate what the spectrum alone leaves open. k grows until fingers and ears are there,
 //! twice: what slid along a limb comes back a little each time. At first a second way starts from fewer
 //! eigenfunctions, which turns back twisted limbs and twists others, and each region is taken from the way that
-//! is better there. At last the surface itself is drawn onto the other, as rigidly as possible, and refines the
+//! is better there. Fingers that lie on their neighbours are moved then. At last the surface itself is drawn onto the other, as rigidly as possible, and refines the
 //! map once more in the same way; then it slides along the other, deformed by maps that are affine on each part.
 //!
 //! # Source
@@ -15,6 +15,7 @@
 mod climbing;
 mod embedding;
 mod fits;
+mod mending;
 mod schedule;
 mod settling;
 mod sliding;
@@ -171,6 +172,9 @@ impl<'a> Refined<'a> {
         );
         climbed?;
         if let Some(AtRest { rigid, sliding }) = surface.transpose()? {
+            if sliding.is_some() {
+                self.set_fingers_right(&|| report((before + schedule.sizes.len()) as f64 / steps))?;
+            }
             self.settle_whole_surface(rigid, schedule.rigid_sizes, &|step| {
                 report((before + schedule.sizes.len() + step) as f64 / steps)
             })?;
