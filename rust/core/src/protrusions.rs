@@ -12,10 +12,10 @@ use faer::MatRef;
 
 use crate::mesh::Adjacency;
 
-/// How far a peak rises above where it meets another, at unit area: a finger is three times as long. With half of it toes
-/// are found too, and fingers are as right.
+/// How far a peak rises above where it meets another, at unit area: middle fingers are 0.07 to 0.09 long. With half of it
+/// toes are found too, and fingers are as right.
 const LEAST_HEIGHT: f32 = 0.02;
-/// Area of a protrusion at most: a finger has less than a hundredth, a hand more than that.
+/// Area of a protrusion at most: fingers have 0.001 to 0.004, a hand all in all 0.02.
 const LARGEST: f64 = 0.02;
 
 /// The protrusions of a surface.
