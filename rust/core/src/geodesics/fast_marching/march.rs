@@ -68,9 +68,14 @@ impl Workspace {
 
     /// Vertices reached by the last march with their distances, in no particular order.
     pub fn reached(&self) -> impl Iterator<Item = (u32, f32)> + '_ {
+        self.passed().map(|(v, front)| (v, front.distance))
+    }
+
+    /// What the last march knows of the vertices that it reached.
+    pub(super) fn passed(&self) -> impl Iterator<Item = (u32, Front)> + '_ {
         self.touched.iter().filter_map(|&v| {
             let front = self.front[v as usize];
-            (!front.passed.is_nan()).then_some((v, front.distance))
+            (!front.passed.is_nan()).then_some((v, front))
         })
     }
 

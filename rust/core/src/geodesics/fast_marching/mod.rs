@@ -2,10 +2,12 @@
 
 mod layout;
 mod march;
+mod sweep;
 mod update;
 
 pub use layout::FastMarching;
 pub use march::{Seed, Workspace};
+pub(super) use sweep::{Sweeping, TOGETHER};
 
 use std::array::from_mut;
 
@@ -63,6 +65,15 @@ impl FastMarching {
         self.march_seeds(&[Seed::at(source)], bound, workspace, out);
     }
 
+    /// Marches up to `bound` and leaves what it found in the workspace.
+    fn run_bounded(&self, source: u32, bound: f32, workspace: &mut Workspace) {
+        let seeds = [Seed::at(source)];
+        vectorised(
+            #[inline(always)]
+            || self.run([&seeds], from_mut(workspace), |_| bound),
+        );
+    }
+
     /// Distances from several seeds up to `bound`; infinite beyond.
     ///
     /// # Panics
@@ -109,6 +120,7 @@ impl FastMarching {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::geodesics::distances_from;
     use crate::testing::draws;
     use crate::vector;
 
@@ -247,8 +259,18 @@ mod tests {
                 })
                 .collect();
             let faces: Vec<[u32; 3]> = (0..30).map(|_| [(); 3].map(|()| draw(n))).collect();
+            // Each vertex three times as a source: enough of them to be swept.
+            let sources: Vec<u32> = (0..3 * n).map(|i| i % n).collect();
+            let marching = FastMarching::from_triangles(&vertices, &faces);
+            let swept = distances_from(&marching, &sources, &|| false).unwrap();
             for source in 0..n {
                 let out = marched(&vertices, &faces, source);
+                for j in [source, source + n, source + 2 * n] {
+                    for (v, distance) in out.iter().enumerate() {
+                        let found = swept[(v, j as usize)];
+                        assert!(found >= 0.0 && found.is_finite() == distance.is_finite());
+                    }
+                }
                 assert!(out.iter().all(|d| *d >= 0.0), "{out:?}");
                 for f in &faces {
                     let reached = f.map(|v| out[v as usize].is_finite());

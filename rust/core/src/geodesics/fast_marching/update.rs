@@ -82,11 +82,7 @@ impl Reached {
         for i in 0..LANES {
             offset[i] = from.offset.min(fronts[i].offset);
             let (ra, rb) = (from.distance - offset[i], passed[i] - offset[i]);
-            x[i] = 0.5 * ((ra - rb) * (ra + rb) / length[i] + length[i]);
-            let y_squared = (ra - x[i]) * (ra + x[i]);
-            // Written so that NaN, of what was not passed too, stays NaN.
-            let touches = y_squared >= -TOUCHING_SLACK * length[i] * length[i];
-            y[i] = y_squared.max(0.0).sqrt() + if touches { 0.0 } else { f32::NAN };
+            (x[i], y[i]) = unfolded(ra, rb, length[i]);
         }
         let (next_x, next_y, next_offset) = (next(x), next(y), next(offset));
 
@@ -150,6 +146,19 @@ fn previous([a, b, c, d, e, f, g, h]: [f32; LANES]) -> [f32; LANES] {
     [h, a, b, c, d, e, f, g]
 }
 
+/// The source (x, −y) below the edge from (0, 0) to (edge, 0), at these distances from its ends; y is NaN when there is none.
+#[inline(always)]
+pub(super) fn unfolded(ra: f32, rb: f32, edge: f32) -> (f32, f32) {
+    let x = 0.5 * ((ra - rb) * (ra + rb) / edge + edge);
+    let y_squared = (ra - x) * (ra + x);
+    // Written so that NaN, of what was not passed too, stays NaN.
+    let touches = y_squared >= -TOUCHING_SLACK * edge * edge;
+    (
+        x,
+        y_squared.max(0.0).sqrt() + if touches { 0.0 } else { f32::NAN },
+    )
+}
+
 /// Distance from a source unfolded to (x, −y) of the vertex at a place above the edge from (0, 0) to (edge, 0),
 /// infinite when the ray does not cross the edge.
 #[expect(
@@ -157,7 +166,7 @@ fn previous([a, b, c, d, e, f, g, h]: [f32; LANES]) -> [f32; LANES] {
     reason = "behind a branch roots would not be taken in vector registers"
 )]
 #[inline(always)]
-fn across((x, y): (f32, f32), edge: f32, (cx, cy): (f32, f32)) -> f32 {
+pub(super) fn across((x, y): (f32, f32), edge: f32, (cx, cy): (f32, f32)) -> f32 {
     let drop = y + cy;
     let crossing = x * cy + cx * y;
     let slack = CROSSING_SLACK * edge * drop;
