@@ -6,12 +6,15 @@ use rayon::prelude::*;
 use super::fast_marching::{FastMarching, Sweeping, TOGETHER, Workspace};
 use crate::error::{Error, Result};
 
+/// Sources below which each is marched: fewer groups than this leaves would keep few threads busy.
+const FEWEST_SWEPT: usize = 4 * TOGETHER;
+
 /// Distances from each source to every vertex.
 ///
 /// Shape `(n, s)`: column `j` holds the distances from `sources[j]`, contiguous in memory.
 /// Vertices that cannot be reached are infinite. Few sources are marched, each on its own. Of many, only the
-/// first are, which should be spread as farthest points are; the others are swept, in groups, in the order of the nearest of
-/// those. The result does not depend on the number of threads. `cancelled` is asked before each source or group.
+/// first are, which should be spread as farthest points are; the others are swept, in full groups, in the order of
+/// one of those that is near. The result does not depend on the number of threads. `cancelled` is asked before each source or group.
 ///
 /// # Errors
 /// [`Error::BadArgument`] when a source is not a vertex, [`Error::Cancelled`].
@@ -20,15 +23,23 @@ pub fn distances_from(
     sources: &[u32],
     cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Result<Mat<f32>> {
-    if sources.len() < TOGETHER {
+    if sources.len() < FEWEST_SWEPT {
         return distances_within(f32::INFINITY, marching, sources, cancelled);
     }
     check(marching, sources)?;
-    let (guides, others) = sources.split_at(sources.len().div_ceil(TOGETHER + 1));
+    let group_count = sources.len() / (TOGETHER + 1);
+    let (marched, others) = sources.split_at(sources.len() - TOGETHER * group_count);
     let mut distances = Mat::zeros(marching.vertex_count(), sources.len());
-    let (mut guiding, following) = distances.split_at_col_mut(guides.len());
-    march(f32::INFINITY, marching, guides, guiding.as_mut(), cancelled)?;
+    let (mut guiding, following) = distances.split_at_col_mut(marched.len());
+    march(
+        f32::INFINITY,
+        marching,
+        marched,
+        guiding.as_mut(),
+        cancelled,
+    )?;
     let mut groups: Vec<Group> = contiguous(guiding)
+        .take(group_count)
         .map(|guide| Group {
             guide,
             sources: Vec::new(),

@@ -259,13 +259,13 @@ mod tests {
                 })
                 .collect();
             let faces: Vec<[u32; 3]> = (0..30).map(|_| [(); 3].map(|()| draw(n))).collect();
-            // Each vertex three times as a source: enough of them to be swept.
-            let sources: Vec<u32> = (0..3 * n).map(|i| i % n).collect();
+            // Each vertex six times as a source: enough of them to be swept.
+            let sources: Vec<u32> = (0..6 * n).map(|i| i % n).collect();
             let marching = FastMarching::from_triangles(&vertices, &faces);
             let swept = distances_from(&marching, &sources, &|| false).unwrap();
             for source in 0..n {
                 let out = marched(&vertices, &faces, source);
-                for j in [source, source + n, source + 2 * n] {
+                for j in (0..6).map(|time| source + time * n) {
                     for (v, distance) in out.iter().enumerate() {
                         let found = swept[(v, j as usize)];
                         assert!(found >= 0.0 && found.is_finite() == distance.is_finite());
