@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use super::fast_marching::{FastMarching, Sweeping, TOGETHER, Workspace};
 use crate::error::{Error, Result};
 
-/// Sources below which each is marched: fewer groups than this leaves would keep few threads busy.
+/// Fewer sources are all marched, each on its own: of so few groups most threads would get none.
 const FEWEST_SWEPT: usize = 4 * TOGETHER;
 
 /// Distances from each source to every vertex.
