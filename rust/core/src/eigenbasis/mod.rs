@@ -247,17 +247,14 @@ impl Eigenbasis {
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<()> {
         let pattern = Pattern::new(laplacian)?;
-        let spacing = weyl_spacing(laplacian.mass.iter().sum());
-        let slice = Slice::lowest(self.values.len() - 1);
-        let factor = slice.factor(&pattern, spacing, cancelled)?;
+        let factor = lowest_factor(&pattern, laplacian, self.values.len() - 1, cancelled)?;
         let ordering = pattern.ordering();
         let mut defects = vec![[0.0]; laplacian.len()];
         for &j in inaccurate {
             if cancelled() {
                 return Err(Error::Cancelled);
             }
-            let function = interleaved(&self.functions, [j]);
-            residuals(laplacian, [self.values[j]], &function, &mut defects);
+            self.measure(laplacian, j, &mut defects);
             let mut excess: Vec<[f64; 1]> = ordering.iter().map(|&v| defects[v as usize]).collect();
             factor.solve(&mut excess);
             for (&v, [excess]) in ordering.iter().zip(excess) {
@@ -275,12 +272,7 @@ impl Eigenbasis {
     fn relax(&mut self, laplacian: &Laplacian, j: usize, bound: f64) -> f64 {
         let (n, lambda) = (laplacian.len(), self.values[j]);
         let mut defects = vec![[0.0]; n];
-        residuals(
-            laplacian,
-            [lambda],
-            &interleaved(&self.functions, [j]),
-            &mut defects,
-        );
+        self.measure(laplacian, j, &mut defects);
         let exceeds = |i: usize, defect: f64| {
             defect * defect > bound * bound * laplacian.mass[i] / (2 * n) as f64
         };
@@ -305,12 +297,13 @@ impl Eigenbasis {
                 }
             }
         }
-        let [residual] = residuals(
-            laplacian,
-            [lambda],
-            &interleaved(&self.functions, [j]),
-            &mut defects,
-        );
+        self.measure(laplacian, j, &mut defects)
+    }
+
+    /// `Wφ − λAφ` of pair `j` into `defects`, `(n)`; returns its norm.
+    fn measure(&self, laplacian: &Laplacian, j: usize, defects: &mut [[f64; 1]]) -> f64 {
+        let function = interleaved(&self.functions, [j]);
+        let [residual] = residuals(laplacian, [self.values[j]], &function, defects);
         residual
     }
 }
@@ -322,7 +315,7 @@ impl Eigenbasis {
 /// [`Error::NotFactorised`].
 pub fn bare_solves(laplacian: &Laplacian, count: usize) -> Result<()> {
     let pattern = Pattern::new(laplacian)?;
-    let factor = lowest_factor(&pattern, laplacian, count)?;
+    let factor = lowest_factor(&pattern, laplacian, count, &|| false)?;
     lanczos::bare_solves(&factor, laplacian.len(), count);
     Ok(())
 }
@@ -332,16 +325,17 @@ pub fn bare_solves(laplacian: &Laplacian, count: usize) -> Result<()> {
 /// # Errors
 /// [`Error::NotFactorised`].
 pub fn factorise(laplacian: &Laplacian) -> Result<()> {
-    lowest_factor(&Pattern::new(laplacian)?, laplacian, 1).map(|_| ())
+    lowest_factor(&Pattern::new(laplacian)?, laplacian, 1, &|| false).map(|_| ())
 }
 
 fn lowest_factor<'a>(
     pattern: &'a Pattern<'a>,
     laplacian: &Laplacian,
     pairs: usize,
+    cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Result<ShiftedFactor<'a>> {
     let spacing = weyl_spacing(laplacian.mass.iter().sum());
-    Slice::lowest(pairs).factor(pattern, spacing, &|| false)
+    Slice::lowest(pairs).factor(pattern, spacing, cancelled)
 }
 
 /// `Wφ − λAφ` of some pairs into the columns of `defects`, `(n, C)`, and their norms: `√(rᵀA⁻¹r)`.
@@ -395,8 +389,7 @@ mod tests {
                 inaccurate.functions[(i, j)] += 1e-8 * noise(i as u64);
             }
             let mut defects = vec![[0.0]; laplacian.len()];
-            let function = interleaved(&inaccurate.functions, [j]);
-            let [residual] = residuals(&laplacian, [exact.values[j]], &function, &mut defects);
+            let residual = inaccurate.measure(&laplacian, j, &mut defects);
             assert!(residual > 2.0 * bound, "{residual} {bound}");
         }
         inaccurate.check(&laplacian, &|| false).unwrap();

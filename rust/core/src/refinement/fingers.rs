@@ -91,6 +91,9 @@ pub fn misplaced(
     let mut is_done = vec![false; here.count()];
     let mut found = Vec::new();
     for p in (0..here.count()).filter(|&p| !settled_here[p]) {
+        if is_done[p] {
+            continue;
+        }
         let near = |&o: &usize| on_own[(here.tips[o] as usize, p)] < GROUP;
         let group: Vec<usize> = (0..here.count())
             .filter(|&o| !is_done[o])
@@ -105,11 +108,7 @@ pub fn misplaced(
         };
         let places: Vec<usize> = (0..there.count()).filter(is_there).collect();
         let all_taken = places.iter().all(|&q| settled_there[q]);
-        if is_done[p]
-            || all_taken
-            || !SIZES.contains(&group.len())
-            || !SIZES.contains(&places.len())
-        {
+        if all_taken || !SIZES.contains(&group.len()) || !SIZES.contains(&places.len()) {
             continue;
         }
         for &o in &group {

@@ -65,15 +65,6 @@ impl FastMarching {
         self.march_seeds(&[Seed::at(source)], bound, workspace, out);
     }
 
-    /// Marches up to `bound` and leaves what it found in the workspace.
-    fn run_bounded(&self, source: u32, bound: f32, workspace: &mut Workspace) {
-        let seeds = [Seed::at(source)];
-        vectorised(
-            #[inline(always)]
-            || self.run([&seeds], from_mut(workspace), |_| bound),
-        );
-    }
-
     /// Distances from several seeds up to `bound`; infinite beyond.
     ///
     /// # Panics
@@ -86,11 +77,16 @@ impl FastMarching {
         out: &mut [f32],
     ) {
         assert_eq!(out.len(), self.vertex_count(), "one distance a vertex");
+        self.run_seeds(seeds, bound, workspace);
+        workspace.write(out);
+    }
+
+    /// Marches from seeds up to `bound`, and leaves what it found in the workspace.
+    fn run_seeds(&self, seeds: &[Seed], bound: f32, workspace: &mut Workspace) {
         vectorised(
             #[inline(always)]
             || self.run([seeds], from_mut(workspace), |_| bound),
         );
-        workspace.write(out);
     }
 
     /// Distances from two vertices up to `bound`; infinite beyond. Both marches go step by step beside each other,

@@ -1,7 +1,7 @@
 //! Distances from many sources at once: they are swept over the vertices in the order of another source's march.
 
 use super::layout::FastMarching;
-use super::march::Workspace;
+use super::march::{Seed, Workspace};
 use super::update::{across, unfolded};
 use crate::dense::{LANES, vectorised};
 use crate::packed::{packed, unpacked};
@@ -126,7 +126,8 @@ impl<'a> Sweeping<'a> {
         let mut waiting = vec![false; guide.len()];
         for (lane, &source) in sources.iter().enumerate() {
             let bound = MARCHED * guide[source as usize];
-            self.marching.run_bounded(source, bound, workspace);
+            self.marching
+                .run_seeds(&[Seed::at(source)], bound, workspace);
             for (v, front) in workspace.passed() {
                 fronts[v as usize].distance[lane] = front.distance;
                 fronts[v as usize].offset[lane] = front.offset;
