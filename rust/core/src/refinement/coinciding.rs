@@ -16,6 +16,8 @@ pub const COINCIDENT: f64 = 0.015;
 pub const STRAY: f64 = 0.03;
 /// Nor may an image lie farther away along that plane than this: some edges of a coarse mesh.
 const BESIDE: f64 = 0.1;
+/// Vertices asked first, without a tree, which is made only where these do not tell that too many lie elsewhere.
+const FIRST_ASKED: usize = 100;
 
 /// Two surfaces of which at least one lies on the other.
 #[derive(Debug)]
@@ -40,23 +42,31 @@ pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Op
         .map(|&p| other.as_own(own.as_given(p)))
         .collect();
     let unit = (own.scale / other.scale).min(1.0);
-    let (on_target, on_source) = (SpaceTree::new(&placed), SpaceTree::new(&other.vertices));
+    let there = &other.vertices;
+    let of_target = Questions {
+        from: &placed,
+        asked: &target.farthest,
+        to: there,
+        normals: &source.normals,
+        unit,
+    };
+    let of_source = Questions {
+        from: there,
+        asked: &source.farthest,
+        to: &placed,
+        normals: &target.normals,
+        unit,
+    };
+    if of_target.stray_from_the_first() && of_source.stray_from_the_first() {
+        return Ok(None);
+    }
     check()?;
-    let lies =
-        |from: &[Point], asked: &[u32], tree: &SpaceTree<'_>, to: &[Point], normals: &[Point]| {
-            let strayed = asked.par_iter().filter(|&&v| {
-                tree.nearest(from[v as usize]).is_none_or(|image| {
-                    let off = vector::sub(from[v as usize], to[image as usize]);
-                    let above = vector::dot(normals[image as usize], off).abs();
-                    above > COINCIDENT * unit || vector::norm(off) > BESIDE * unit
-                })
-            });
-            strayed.count() as f64 <= STRAY * asked.len() as f64
-        };
-    let (all, here) = (&other.vertices, &target.farthest);
-    let by_target = lies(&placed, here, &on_source, all, &source.normals);
-    let by_source = lies(all, &source.farthest, &on_target, &placed, &target.normals);
-    let shares = match (by_target, by_source) {
+    let (on_target, on_source) = (SpaceTree::new(&placed), SpaceTree::new(there));
+    check()?;
+    let shares = match (
+        of_target.lie_near(&on_source),
+        of_source.lie_near(&on_target),
+    ) {
         (true, true) => Shares::BOTH,
         (true, false) => Shares::TARGET_IS_PART,
         (false, true) => Shares::SOURCE_IS_PART,
@@ -65,7 +75,7 @@ pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Op
     check()?;
     let images = [
         on_source.nearest_to_each(&placed),
-        on_target.nearest_to_each(all),
+        on_target.nearest_to_each(there),
     ];
     drop((on_target, on_source));
     Ok(Some(Coinciding {
@@ -73,4 +83,55 @@ pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Op
         images,
         shares,
     }))
+}
+
+/// Vertices of one surface that are asked whether they lie on another.
+struct Questions<'a> {
+    from: &'a [Point],
+    asked: &'a [u32],
+    to: &'a [Point],
+    normals: &'a [Point],
+    /// What lengths are measured by.
+    unit: f64,
+}
+
+impl Questions<'_> {
+    /// How many may lie farther away.
+    fn may_stray(&self) -> usize {
+        (STRAY * self.asked.len() as f64) as usize
+    }
+
+    /// Whether a vertex lies too far from its image.
+    fn strays(&self, vertex: u32, image: u32) -> bool {
+        let off = vector::sub(self.from[vertex as usize], self.to[image as usize]);
+        let above = vector::dot(self.normals[image as usize], off).abs();
+        above > COINCIDENT * self.unit || vector::norm(off) > BESIDE * self.unit
+    }
+
+    /// Whether all but a few lie near, by a tree of the other surface's vertices.
+    fn lie_near(&self, tree: &SpaceTree<'_>) -> bool {
+        let strayed = self.asked.par_iter().filter(|&&v| {
+            let nearest = tree.nearest(self.from[v as usize]);
+            nearest.is_none_or(|image| self.strays(v, image))
+        });
+        strayed.count() <= self.may_stray()
+    }
+
+    /// Whether they do not, which of most surfaces a few say, asked without a tree.
+    fn stray_from_the_first(&self) -> bool {
+        let most = self.may_stray();
+        let mut strayed = self.asked.iter().take(FIRST_ASKED).filter(|&&v| {
+            let from = self.from[v as usize];
+            let mut nearest = (f64::INFINITY, 0);
+            for (image, &to) in (0..).zip(self.to) {
+                let off = vector::sub(from, to);
+                let distance = vector::dot(off, off);
+                if distance < nearest.0 {
+                    nearest = (distance, image);
+                }
+            }
+            self.strays(v, nearest.1)
+        });
+        strayed.nth(most).is_some()
+    }
 }
