@@ -9,8 +9,11 @@ use crate::progress::Check;
 use crate::shape::Shape;
 use crate::vector::{self, Point};
 
-/// Room for the vertices or triangles around two neighbouring vertices.
-const AROUND_TWO: usize = 24;
+/// Room for the vertices around two neighbouring vertices.
+const AROUND_TWO: usize = 16;
+
+/// Triangles in which the closest point is sought at once, each in a lane.
+const TRIANGLES_AT_ONCE: usize = 8;
 
 /// Triangles whose products one thread works out at once.
 const FACES_AT_ONCE: usize = 512;
@@ -91,7 +94,9 @@ impl<'a> EmbeddedTriangles<'a> {
         let mut distances = Distances {
             query,
             rows: self.rows,
-            known: Vec::with_capacity(AROUND_TWO),
+            known: 0,
+            vertices: [u32::MAX; AROUND_TWO],
+            found: [0.0; AROUND_TWO],
         };
         let mut second = (f64::INFINITY, vertex);
         for &v in shape.neighbours.row(vertex as usize) {
@@ -100,22 +105,22 @@ impl<'a> EmbeddedTriangles<'a> {
                 second = (distance, v);
             }
         }
-        let mut faces = Vec::with_capacity(AROUND_TWO);
-        for v in [second.1, vertex] {
-            faces.extend_from_slice(shape.vertex_faces.row(v as usize));
-        }
-        faces.sort_unstable();
-        faces.dedup();
-        let mut best = Closest::NONE;
-        for face in faces {
-            let mut to = [0.0; 3];
-            for (to, v) in to.iter_mut().zip(shape.mesh.faces[face as usize]) {
-                *to = distances.to(v);
+        let mut best = Closest::default();
+        for around in [vertex, second.1] {
+            for &face in shape.vertex_faces.row(around as usize) {
+                let corners = shape.mesh.faces[face as usize];
+                if around != vertex && corners.contains(&vertex) {
+                    continue;
+                }
+                let mut to = [0.0; 3];
+                for (to, v) in to.iter_mut().zip(corners) {
+                    *to = distances.to(v);
+                }
+                let [a, b, c] = to;
+                best.try_triangle(face, self.sides[face as usize], [a, b - a, c - a]);
             }
-            let [a, b, c] = to;
-            best.try_triangle(face, self.sides[face as usize], [a, b - a, c - a]);
         }
-        best.point
+        best.point()
     }
 }
 
@@ -123,38 +128,46 @@ impl<'a> EmbeddedTriangles<'a> {
 struct Distances<'a> {
     query: &'a [f32],
     rows: &'a Rows,
-    known: Vec<(u32, f64)>,
+    /// How many are known, of which vertices, and what was found; beyond this room they are worked out again.
+    known: usize,
+    vertices: [u32; AROUND_TWO],
+    found: [f64; AROUND_TWO],
 }
 
 impl Distances<'_> {
     #[inline(always)]
     fn to(&mut self, vertex: u32) -> f64 {
-        if let Some(&(_, distance)) = self.known.iter().find(|known| known.0 == vertex) {
-            return distance;
+        // Without branches: a vertex is there once at most.
+        let mut place = 0;
+        for (i, &known) in (1..).zip(&self.vertices) {
+            place |= if known == vertex { i } else { 0u32 };
+        }
+        if place > 0 {
+            return self.found[place as usize - 1];
         }
         let row = self.rows.row(vertex as usize);
         let distance = f64::from(squared_distance(self.query, row));
-        self.known.push((vertex, distance));
+        if self.known < AROUND_TWO {
+            self.vertices[self.known] = vertex;
+            self.found[self.known] = distance;
+            self.known += 1;
+        }
         distance
     }
 }
 
-/// The closest point so far.
+/// The closest point of some triangles, of which several are looked at at once.
+#[derive(Default)]
 struct Closest {
-    /// Its squared distance.
-    cost: f64,
-    point: SurfacePoint,
+    /// The face where it lies, its squared distance, and the weights of the last two corners; none so far.
+    best: Option<(u32, OnTriangle)>,
+    /// Triangles that wait to be looked at.
+    waiting: usize,
+    faces: [u32; TRIANGLES_AT_ONCE],
+    products: [[f64; TRIANGLES_AT_ONCE]; 6],
 }
 
 impl Closest {
-    const NONE: Self = Self {
-        cost: f64::INFINITY,
-        point: SurfacePoint {
-            face: 0,
-            weights: [1.0, 0.0, 0.0],
-        },
-    };
-
     /// Tries a triangle (a, b, c) with the given [sides](EmbeddedTriangles::sides), from ‖a − q‖² and how much
     /// larger ‖b − q‖² and ‖c − q‖² are.
     #[inline(always)]
@@ -167,13 +180,39 @@ impl Closest {
         // ⟨b − a, q − a⟩ by the law of cosines; likewise for c.
         let uq = f64::midpoint(uu, -more_to_b);
         let vq = f64::midpoint(vv, -more_to_c);
-        let (cost, weights) = closest_weights(uu, uv, vv, uq, vq, to_a);
-        if cost < self.cost {
-            *self = Self {
-                cost,
-                point: SurfacePoint { face, weights },
-            };
+        self.faces[self.waiting] = face;
+        for (lanes, product) in self.products.iter_mut().zip([uu, uv, vv, uq, vq, to_a]) {
+            lanes[self.waiting] = product;
         }
+        self.waiting += 1;
+        if self.waiting == TRIANGLES_AT_ONCE {
+            self.look();
+        }
+    }
+
+    /// Looks at all that wait.
+    #[inline(always)]
+    fn look(&mut self) {
+        let mut found = [OnTriangle::default(); TRIANGLES_AT_ONCE];
+        let [uu, uv, vv, uq, vq, qq] = &self.products;
+        for l in 0..TRIANGLES_AT_ONCE {
+            found[l] = closest_on_triangle([uu[l], uv[l], vv[l], uq[l], vq[l], qq[l]]);
+        }
+        for (&face, found) in self.faces.iter().zip(found).take(self.waiting) {
+            if self.best.is_none_or(|(_, best)| found.cost < best.cost) {
+                self.best = Some((face, found));
+            }
+        }
+        self.waiting = 0;
+    }
+
+    /// The closest point of all that were tried.
+    #[inline(always)]
+    fn point(mut self) -> SurfacePoint {
+        self.look();
+        let (face, found) = self.best.unwrap_or_default();
+        let weights = found.weights();
+        SurfacePoint { face, weights }
     }
 }
 
@@ -233,10 +272,15 @@ pub fn projected_at_full_resolution(
                     )
                 },
             );
-            Ok(asking
-                .iter()
-                .map(|&v| (v, near.closest(full.points[v as usize].weights, source)))
-                .collect())
+            let closest = |&v: &u32| {
+                let weights = full.points[v as usize].weights;
+                let point = vectorised(
+                    #[inline(always)]
+                    || near.closest(weights, source),
+                );
+                (v, point)
+            };
+            Ok(asking.iter().map(closest).collect())
         })
         .collect::<Result<_>>()?;
     let nowhere = SurfacePoint {
@@ -303,6 +347,7 @@ impl NearFaces {
     }
 
     /// Closest point, of the faces around the two nearest vertices, to the point of the target face with these weights.
+    #[inline(always)]
     fn closest(&self, [_, w1, w2]: [f64; 3], source: &EmbeddedTriangles<'_>) -> SurfacePoint {
         let [e11, e12, e22] = self.own;
         let square = w1 * w1 * e11 + 2.0 * w1 * w2 * e12 + w2 * w2 * e22;
@@ -318,7 +363,7 @@ impl NearFaces {
                 second = (distance, v);
             }
         }
-        let mut best = Closest::NONE;
+        let mut best = Closest::default();
         for &(face, corners) in &self.faces {
             if !corners.contains(&first.1) && !corners.contains(&second.1) {
                 continue;
@@ -330,7 +375,7 @@ impl NearFaces {
                 [square + a, b - a, c - a],
             );
         }
-        best.point
+        best.point()
     }
 }
 
@@ -373,45 +418,72 @@ fn products_from<const N: usize>(
 #[must_use]
 pub(crate) fn nearest_in_triangle(query: Point, [a, b, c]: [Point; 3]) -> (f64, [f64; 3]) {
     let (u, v, d) = (vector::sub(b, a), vector::sub(c, a), vector::sub(query, a));
-    closest_weights(
+    let found = closest_on_triangle([
         vector::dot(u, u),
         vector::dot(u, v),
         vector::dot(v, v),
         vector::dot(u, d),
         vector::dot(v, d),
         vector::dot(d, d),
-    )
+    ]);
+    (found.cost, found.weights())
 }
 
-/// Squared distance from a query to a triangle and the barycentric weights of the closest point,
-/// from the products of its edges u, v at the first corner and the query's offset q from there.
-fn closest_weights(uu: f64, uv: f64, vv: f64, uq: f64, vq: f64, qq: f64) -> (f64, [f64; 3]) {
-    let cost =
-        |s: f64, t: f64| qq - 2.0 * (s * uq + t * vq) + s * s * uu + 2.0 * s * t * uv + t * t * vv;
-    let determinant = uu * vv - uv * uv;
-    if determinant > 0.0 {
-        let s = (vv * uq - uv * vq) / determinant;
-        let t = (uu * vq - uv * uq) / determinant;
-        if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
-            return (cost(s, t), [1.0 - s - t, s, t]);
-        }
+/// A point of a triangle.
+#[derive(Debug, Clone, Copy, Default)]
+struct OnTriangle {
+    /// Its squared distance from the query.
+    cost: f64,
+    /// Weight of the second corner.
+    s: f64,
+    /// Weight of the third.
+    t: f64,
+}
+
+impl OnTriangle {
+    fn weights(self) -> [f64; 3] {
+        [1.0 - self.s - self.t, self.s, self.t].map(|w| w.max(0.0))
     }
-    // Outside: the best point of the three edges.
+}
+
+/// The closest point of a triangle, from the products ⟨u, u⟩, ⟨u, v⟩, ⟨v, v⟩, ⟨u, q⟩, ⟨v, q⟩, ⟨q, q⟩ of its edges u, v at
+/// the first corner and the query's offset q from there. Without branches, so that several go beside each other in lanes.
+#[inline(always)]
+fn closest_on_triangle([uu, uv, vv, uq, vq, qq]: [f64; 6]) -> OnTriangle {
+    let at = |s: f64, t: f64| OnTriangle {
+        cost: qq - 2.0 * (s * uq + t * vq) + s * s * uu + 2.0 * s * t * uv + t * t * vv,
+        s,
+        t,
+    };
     let along = |numerator: f64, length: f64| {
-        if length > 0.0 {
-            (numerator / length).clamp(0.0, 1.0)
-        } else {
-            0.0
+        let at = (numerator / length).clamp(0.0, 1.0);
+        if length > 0.0 { at } else { 0.0 }
+    };
+    let either = |first: OnTriangle, second: OnTriangle| {
+        let is_second = second.cost < first.cost;
+        let of = |first, second| if is_second { second } else { first };
+        OnTriangle {
+            cost: of(first.cost, second.cost),
+            s: of(first.s, second.s),
+            t: of(first.t, second.t),
         }
     };
-    let on_ab = along(uq, uu);
-    let on_ac = along(vq, vv);
     let on_bc = along(vq - uq + uu - uv, uu + vv - 2.0 * uv);
-    [(on_ab, 0.0), (0.0, on_ac), (1.0 - on_bc, on_bc)]
-        .map(|(s, t)| (cost(s, t), [1.0 - s - t, s, t].map(|w: f64| w.max(0.0))))
-        .into_iter()
-        .min_by(|x, y| x.0.total_cmp(&y.0))
-        .expect("three edges")
+    let outside = either(
+        either(at(along(uq, uu), 0.0), at(0.0, along(vq, vv))),
+        at(1.0 - on_bc, on_bc),
+    );
+    let determinant = uu * vv - uv * uv;
+    let s = (vv * uq - uv * vq) / determinant;
+    let t = (uu * vq - uv * uq) / determinant;
+    let inside = at(s, t);
+    let is_inside = determinant > 0.0 && s >= 0.0 && t >= 0.0 && s + t <= 1.0;
+    let of = |inside, outside| if is_inside { inside } else { outside };
+    OnTriangle {
+        cost: of(inside.cost, outside.cost),
+        s: of(inside.s, outside.s),
+        t: of(inside.t, outside.t),
+    }
 }
 
 #[cfg(test)]

@@ -190,29 +190,23 @@ fn functional_map(
     check: Check<'_>,
 ) -> Result<Mat<f64>> {
     let k = |s: &Shape| FUNCTIONAL_MAP_SIZE.min(s.basis.values.len());
-    let (kt, ks) = (k(target), k(source));
-    let (on_target_shape, on_source_shape) = (target.functions(kt), source.functions(ks));
-    // A Φ at the images, and Φ there.
-    let weighted = |basis: MatRef<'_, f64>, ids: &[u32], mass: &[f64]| {
-        let at_images = dense::gather_rows(basis, ids, basis.ncols());
-        let weighted = Mat::from_fn(ids.len(), basis.ncols(), |i, j| mass[i] * at_images[(i, j)]);
-        (weighted, at_images)
+    let all = |s: &Shape| (0..s.mass.len() as u32).collect::<Vec<u32>>();
+    // √a times each shape's eigenfunctions at some vertices.
+    let at = |shape: &Shape, vertices: &[u32], mass: &[f64]| {
+        shape.rows.gather_weighted(vertices, mass, k(shape))
     };
-    let (carried, _) = weighted(on_source_shape, on_source, &target.mass);
+    let own = at(target, &all(target), &target.mass);
+    let carried = at(source, on_source, &target.mass);
     check()?;
-    let (weighted_back, carried_back) = weighted(on_target_shape, on_target, &source.mass);
+    let mut right = dense::sum_of_products(own.as_columns(), carried.as_columns());
+    check()?;
+    let carried_back = at(target, on_target, &source.mass);
+    let own_of_source = at(source, &all(source), &source.mass);
+    check()?;
+    right += dense::sum_of_products(carried_back.as_columns(), own_of_source.as_columns());
     check()?;
     // ΦₜᵀAₜΦₜ = I.
-    let mut gram = Mat::identity(kt, kt);
-    dense::add_product(
-        gram.as_mut(),
-        carried_back.transpose(),
-        weighted_back.as_ref(),
-    );
-    check()?;
-    let mut right = dense::product(on_target_shape.transpose(), carried.as_ref());
-    check()?;
-    dense::add_product(right.as_mut(), weighted_back.transpose(), on_source_shape);
+    let gram = Mat::<f64>::identity(k(target), k(target)) + dense::gram(carried_back.as_columns());
     solved_functional_map(target.unit / source.unit, gram, right.as_ref())
 }
 
