@@ -337,7 +337,7 @@ impl Shape {
     /// # Errors
     /// [`Error::NotFactorised`].
     pub fn rigidity(&self) -> Result<&Rigidity> {
-        let found = || Rigidity::new(&self.mesh.vertices, &self.mesh.faces);
+        let found = || Rigidity::new(&self.mesh.vertices, &self.mesh.faces, &self.mass);
         known_or_found(&self.rigidity, found)
     }
 

@@ -1,8 +1,9 @@
 //! A surface that is drawn to given points and stays locally rigid.
 //!
 //! The low-passed surfaces of the spectral steps have no fingertips and stretch freely. Here every
-//! vertex keeps its place: xᵢ minimise Σ wᵢ‖xᵢ − yᵢ‖² + μ Σ wᵢⱼ‖(xᵢ − xⱼ) − Rᵢ(pᵢ − pⱼ)‖² with a
-//! rotation Rᵢ for each vertex, so that distances between neighbours resist a map that slides.
+//! vertex keeps its place: xᵢ minimise Σ aᵢ‖xᵢ − yᵢ‖² + μ Σ wᵢⱼ‖(xᵢ − xⱼ) − Rᵢ(pᵢ − pⱼ)‖² with a
+//! rotation Rᵢ for each vertex, so that distances between neighbours resist a map that slides. The areas aᵢ are the
+//! surface's own, wherever it is drawn, so that it is factorised once.
 //!
 //! # Source
 //! Sorkine, Alexa, "As-rigid-as-possible surface modeling", 2007, equations 7 (energy), 8
@@ -10,7 +11,7 @@
 //! Müller, Bender, Chentanez, Macklin, "A robust method to extract the rotational part of deformations", 2016.
 
 use faer::prelude::*;
-use faer::sparse::linalg::solvers::{Llt, SymbolicLlt};
+use faer::sparse::linalg::solvers::Llt;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 use rayon::prelude::*;
@@ -28,8 +29,6 @@ const ROUNDS: usize = 3;
 /// Steps of a rotation at most, and the angle below which it is found.
 const ROTATION_STEPS: usize = 30;
 const ROTATION_ACCURACY: f64 = 1e-6;
-/// Pull of vertices that are not drawn anywhere, to their own place: keeps the matrix regular.
-const LEAST_PULL: f64 = 1e-9;
 
 /// Columns of a rotation.
 type Rotation = [Point; 3];
@@ -38,9 +37,9 @@ type Rotation = [Point; 3];
 #[derive(Debug)]
 pub struct Rigidity {
     edges: EdgeWeights,
-    /// Lower half of μW, the diagonal first in each column.
-    matrix: SparseColMat<usize, f64>,
-    symbolic: SymbolicLlt<usize>,
+    areas: Vec<f64>,
+    /// Of μW + diag(a).
+    factor: Llt<usize, f64>,
 }
 
 /// A surface on its way to given points.
@@ -53,15 +52,15 @@ pub struct RigidSurface<'a> {
 }
 
 impl Rigidity {
-    /// Of a surface at rest.
+    /// Of a surface at rest with the area of each vertex, some above zero.
     ///
     /// # Errors
     /// [`Error::NotFactorised`].
-    pub fn new(rest: &[Point], triangles: &[[u32; 3]]) -> Result<Self> {
+    pub fn new(rest: &[Point], triangles: &[[u32; 3]], areas: &[f64]) -> Result<Self> {
         let (n, edges) = (rest.len(), EdgeWeights::new(rest, triangles));
         let mut entries = Vec::with_capacity(n + edges.weights.len() / 2);
-        for i in 0..n {
-            let mut diagonal = 0.0;
+        for (i, area) in areas.iter().enumerate() {
+            let mut diagonal = *area;
             for (j, w) in edges.row(i) {
                 diagonal += RIGIDITY * w;
                 if (j as usize) < i {
@@ -72,24 +71,13 @@ impl Rigidity {
         }
         let matrix =
             SparseColMat::try_new_from_triplets(n, n, &entries).map_err(Error::not_factorised)?;
-        let symbolic =
-            SymbolicLlt::try_new(matrix.symbolic(), Side::Lower).map_err(Error::not_factorised)?;
+        let factor =
+            by_library(|| matrix.sp_cholesky(Side::Lower)).map_err(Error::not_factorised)?;
         Ok(Self {
             edges,
-            matrix,
-            symbolic,
+            areas: areas.to_vec(),
+            factor,
         })
-    }
-
-    /// Factor of μW + diag(w).
-    fn factor(&self, pulls: &[(f64, Point)]) -> Result<Llt<usize, f64>> {
-        let mut matrix = self.matrix.clone();
-        for (j, pull) in pulls.iter().enumerate() {
-            matrix.val_of_col_mut(j)[0] += pull.0.max(LEAST_PULL);
-        }
-        let symbolic = self.symbolic.clone();
-        by_library(|| Llt::try_new_with_symbolic(symbolic, matrix.as_ref(), Side::Lower))
-            .map_err(Error::not_factorised)
     }
 }
 
@@ -105,24 +93,23 @@ impl<'a> RigidSurface<'a> {
         }
     }
 
-    /// Moves towards Σ wᵢyᵢ / Σ wᵢ of each vertex: `pulls` are `[Σ w, Σ w y]`, `(n)`.
+    /// Moves towards a place for each vertex.
     ///
     /// # Errors
-    /// [`Error::NotFactorised`], [`Error::Cancelled`].
-    pub fn drawn_to(&mut self, pulls: &[(f64, Point)], check: Check<'_>) -> Result<()> {
-        check()?;
-        let (edges, factor) = (&self.rigidity.edges, self.rigidity.factor(pulls)?);
-        let n = self.rest.len();
+    /// [`Error::Cancelled`].
+    pub fn drawn_to(&mut self, places: &[Point], check: Check<'_>) -> Result<()> {
+        let Rigidity {
+            edges,
+            areas,
+            factor,
+        } = self.rigidity;
         for _ in 0..ROUNDS {
             check()?;
             self.turn();
-            let balance: Vec<Point> = (0..n)
-                .into_par_iter()
-                .map(|i| {
-                    let (weight, sum) = pulls[i];
-                    let own =
-                        vector::scaled(self.positions[i], LEAST_PULL - weight.min(LEAST_PULL));
-                    edges.row(i).fold(vector::add(sum, own), |sum, (j, w)| {
+            let balance: Vec<Point> = (places.par_iter().zip(areas).enumerate())
+                .map(|(i, (&place, &area))| {
+                    let drawn = vector::scaled(place, area);
+                    edges.row(i).fold(drawn, |sum, (j, w)| {
                         let edge = vector::sub(self.rest[i], self.rest[j as usize]);
                         let here = turned(&self.rotations[i], edge);
                         let there = turned(&self.rotations[j as usize], edge);
@@ -131,7 +118,7 @@ impl<'a> RigidSurface<'a> {
                     })
                 })
                 .collect();
-            let mut x = Mat::from_fn(n, 3, |i, c| balance[i][c]);
+            let mut x = Mat::from_fn(places.len(), 3, |i, c| balance[i][c]);
             by_library(|| factor.solve_in_place(&mut x));
             for (i, p) in self.positions.iter_mut().enumerate() {
                 *p = [0, 1, 2].map(|c| x[(i, c)]);
@@ -250,21 +237,19 @@ mod tests {
     fn three_drawn_vertices_move_a_rigid_surface_as_a_whole() {
         let (rest, triangles) = strip();
         let there: Vec<Point> = rest.iter().map(|&p| moved(p)).collect();
-        let rigidity = Rigidity::new(&rest, &triangles).expect("a pattern");
+        let drawn = |i: usize| [0, 3, 37].contains(&i);
+        let areas: Vec<f64> = (0..rest.len())
+            .map(|i| if drawn(i) { 1.0 } else { 0.0 })
+            .collect();
+        let rigidity = Rigidity::new(&rest, &triangles, &areas).expect("regular");
         let mut surface = RigidSurface::new(&rigidity, rest.clone());
         surface.positions.clone_from(&there);
-        let pulls: Vec<(f64, Point)> = (0..rest.len())
-            .map(|i| {
-                if [0, 3, 37].contains(&i) {
-                    (1.0, there[i])
-                } else {
-                    (0.0, [0.0; 3])
-                }
-            })
+        let places: Vec<Point> = (0..rest.len())
+            .map(|i| if drawn(i) { there[i] } else { [0.0; 3] })
             .collect();
         surface
-            .drawn_to(&pulls, &|| Ok(()))
-            .expect("the matrix is regular");
+            .drawn_to(&places, &|| Ok(()))
+            .expect("not cancelled");
         for (x, y) in surface.positions.iter().zip(&there) {
             // Rotations are exact to 1e-6, edges shorter than 2.
             assert!(vector::distance(*x, *y) < 1e-5, "{x:?} {y:?}");
@@ -307,17 +292,12 @@ mod tests {
             .enumerate()
             .map(|(i, p)| vector::add(*p, [0.0, 0.05 * (i as f64 * 2.4).sin(), 0.0]))
             .collect();
-        let rigidity = Rigidity::new(&rest, &triangles).expect("a pattern");
+        // Drawn weakly against the rigidity.
+        let areas = vec![1e-5; rest.len()];
+        let rigidity = Rigidity::new(&rest, &triangles, &areas).expect("regular");
         let mut surface = RigidSurface::new(&rigidity, rest.clone());
         surface.positions.clone_from(&noisy);
-        // Weak against the rigidity.
-        let pulls: Vec<(f64, Point)> = noisy
-            .iter()
-            .map(|&y| (1e-5, vector::scaled(y, 1e-5)))
-            .collect();
-        surface
-            .drawn_to(&pulls, &|| Ok(()))
-            .expect("the matrix is regular");
+        surface.drawn_to(&noisy, &|| Ok(())).expect("not cancelled");
         let square = |points: &[Point]| -> f64 {
             points
                 .iter()

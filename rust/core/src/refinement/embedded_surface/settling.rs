@@ -34,10 +34,10 @@ impl Refined<'_> {
             .collect();
         for (step, &size) in sizes.iter().enumerate() {
             let check = || report(step);
-            let (pulls, at_images) = (self.pulls(), self.at_images(size.min(most)));
+            let (places, at_images) = (self.places(), self.at_images(size.min(most)));
             // The other's embedding needs the map, but not the surface that is drawn.
             let (drawn, embedded) = rayon::join(
-                || surface.drawn_to(&pulls, &check),
+                || surface.drawn_to(&places, &check),
                 || {
                     (self.matrix, self.shared) = self.mapped(&at_images, &check)?;
                     self.write_still_rows(Surface::Whole, WHOLE);
@@ -56,25 +56,27 @@ impl Refined<'_> {
         Ok(())
     }
 
-    /// Where on the still shape both maps see each vertex of the moving one, with the weight of that.
-    fn pulls(&self) -> Vec<(f64, Point)> {
+    /// Where on the still shape both maps see each vertex of the moving one, on average.
+    fn places(&self) -> Vec<Point> {
         let still = &self.still.shape.mesh.vertices;
-        let mut pulls = vec![(0.0, [0.0; 3]); self.deformed.nrows()];
-        let mut pull = |vertex: u32, weight: f64, to: u32| {
-            let (sum, moment) = &mut pulls[vertex as usize];
+        let mut seen = vec![(0.0, [0.0; 3]); self.deformed.nrows()];
+        let mut see = |vertex: u32, weight: f64, at: u32| {
+            let (sum, moment) = &mut seen[vertex as usize];
             *sum += weight;
-            *moment = vector::add(*moment, vector::scaled(still[to as usize], weight));
+            *moment = vector::add(*moment, vector::scaled(still[at as usize], weight));
         };
         for (side, moves) in [(&self.moving, true), (&self.still, false)] {
             for (i, (&own, &image)) in side.asking.iter().zip(&side.images.vertex).enumerate() {
                 if moves {
-                    pull(own, side.weights[i], image);
+                    see(own, side.weights[i], image);
                 } else {
-                    pull(image, side.weights[i], own);
+                    see(image, side.weights[i], own);
                 }
             }
         }
-        pulls
+        let mean =
+            |(sum, moment): (f64, Point)| vector::scaled(moment, 1.0 / sum.max(f64::MIN_POSITIVE));
+        seen.into_iter().map(mean).collect()
     }
 
     /// Two meshes of one shape in one pose, however placed, are moved onto each other, and the nearest
