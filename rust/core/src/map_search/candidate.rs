@@ -165,15 +165,19 @@ impl<'a> SampledPair<'a> {
         on_target: &[u32],
         k: usize,
     ) -> Result<Candidate> {
-        let matrix = fit(
+        Ok(self.judged(self.fit(on_source, on_target, k)?))
+    }
+
+    /// Fit at k from point maps.
+    pub(super) fn fit(&self, on_source: &[u32], on_target: &[u32], k: usize) -> Result<Mat<f64>> {
+        fit(
             self.side_target.basis.as_ref(),
             self.side_source.basis.as_ref(),
             on_source,
             on_target,
             self.pair.shares,
             k,
-        )?;
-        Ok(self.judged(matrix))
+        )
     }
 
     /// Root mean square change of distances between samples, times the root of the mean

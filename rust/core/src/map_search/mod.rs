@@ -100,14 +100,18 @@ impl SampledPair<'_> {
                 beam.extend(turned.into_iter().flatten());
             }
             let children = each(&beam, |parent| {
-                let child = self.refitted(parent, k)?;
-                let mut siblings = vec![self.turned(&child, &[(k - 1, k - 1, -1.0)])?];
+                let matrix = self.fit(&parent.on_source, &parent.on_target, k)?;
+                let mut exchanges = vec![vec![(k - 1, k - 1, -1.0)]];
                 if k > first + 1 && self.nearly_double(k) {
                     for sign in [1.0, -1.0] {
-                        let exchange = [(k - 2, k - 1, sign), (k - 1, k - 2, sign)];
-                        siblings.push(self.turned(&child, &exchange)?);
+                        exchanges.push(vec![(k - 2, k - 1, sign), (k - 1, k - 2, sign)]);
                     }
                 }
+                let (siblings, child) = rayon::join(
+                    || each(&exchanges, |columns| self.turned(&matrix, columns)),
+                    || self.judged(matrix.clone()),
+                );
+                let mut siblings = siblings?;
                 siblings.push(child);
                 Ok(siblings)
             })?;
@@ -125,11 +129,11 @@ impl SampledPair<'_> {
     }
 
     /// A candidate with some columns replaced, `(column, by which, times)`, and fitted anew.
-    fn turned(&self, candidate: &Candidate, columns: &[(usize, usize, f64)]) -> Result<Candidate> {
-        let mut matrix = candidate.matrix.clone();
+    fn turned(&self, given: &Mat<f64>, columns: &[(usize, usize, f64)]) -> Result<Candidate> {
+        let mut matrix = given.clone();
         for &(to, from, sign) in columns {
             for i in 0..matrix.nrows() {
-                matrix[(i, to)] = sign * candidate.matrix[(i, from)];
+                matrix[(i, to)] = sign * given[(i, from)];
             }
         }
         let size = matrix.ncols();
