@@ -20,7 +20,20 @@ impl EdgeWeights {
     /// ½(cot α + cot β) of the angles opposite an edge, not below a small positive number.
     #[must_use]
     pub fn new(positions: &[Point], triangles: &[[u32; 3]]) -> Self {
-        let mut halves: Vec<(u32, u32, f64)> = Vec::with_capacity(triangles.len() * 6);
+        // Neighbour and half of a weight, two for each corner of a triangle, vertex by vertex.
+        let mut ends = vec![0; positions.len() + 1];
+        for &v in triangles.iter().flatten() {
+            ends[v as usize + 1] += 2;
+        }
+        for v in 0..positions.len() {
+            ends[v + 1] += ends[v];
+        }
+        let mut halves = vec![(0, 0.0); 6 * triangles.len()];
+        let mut put = |v: u32, half: (u32, f64)| {
+            let next = &mut ends[v as usize];
+            halves[*next] = half;
+            *next += 1;
+        };
         for corners in triangles {
             let at = corners.map(|v| positions[v as usize]);
             let (ab, ac) = (vector::sub(at[1], at[0]), vector::sub(at[2], at[0]));
@@ -40,23 +53,27 @@ impl EdgeWeights {
                 } else {
                     0.0
                 };
-                halves.push((corners[i], corners[j], half));
-                halves.push((corners[j], corners[i], half));
+                put(corners[i], (corners[j], half));
+                put(corners[j], (corners[i], half));
             }
         }
-        // Stable, so that each sum is taken in the order of the triangles.
-        halves.sort_by_key(|&(a, b, _)| (a, b));
-        let mut pairs = Vec::new();
-        let mut weights = Vec::new();
-        for run in halves.chunk_by(|x, y| (x.0, x.1) == (y.0, y.1)) {
-            if run[0].0 != run[0].1 {
-                pairs.push((run[0].0, run[0].1));
-                let sum: f64 = run.iter().map(|h| h.2).sum();
-                weights.push(sum.max(LEAST));
+        let (mut starts, mut entries, mut weights) = (vec![0], Vec::new(), Vec::new());
+        let mut from = 0;
+        for (v, &to) in (0..).zip(&ends[..positions.len()]) {
+            let row = &mut halves[from..to];
+            from = to;
+            // Stable, so that each sum is taken in the order of the triangles.
+            row.sort_by_key(|&(u, _)| u);
+            for run in row.chunk_by(|a, b| a.0 == b.0) {
+                if run[0].0 != v {
+                    entries.push(run[0].0);
+                    weights.push(run.iter().map(|half| half.1).sum::<f64>().max(LEAST));
+                }
             }
+            starts.push(entries.len() as u32);
         }
         Self {
-            neighbours: Adjacency::from_lists(positions.len(), pairs.iter().copied()),
+            neighbours: Adjacency { starts, entries },
             weights,
         }
     }

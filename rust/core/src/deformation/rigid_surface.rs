@@ -12,7 +12,7 @@
 
 use faer::prelude::*;
 use faer::sparse::linalg::solvers::Llt;
-use faer::sparse::{SparseColMat, Triplet};
+use faer::sparse::{SparseColMat, SymbolicSparseColMat};
 use faer::{Mat, Side};
 use rayon::prelude::*;
 
@@ -57,20 +57,22 @@ impl Rigidity {
     /// # Errors
     /// [`Error::NotFactorised`].
     pub fn new(rest: &[Point], triangles: &[[u32; 3]], areas: &[f64]) -> Result<Self> {
-        let (n, edges) = (rest.len(), EdgeWeights::new(rest, triangles));
-        let mut entries = Vec::with_capacity(n + edges.weights.len() / 2);
+        let edges = EdgeWeights::new(rest, triangles);
+        // Lower half, the diagonal first in each column.
+        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
         for (i, area) in areas.iter().enumerate() {
-            let mut diagonal = *area;
-            for (j, w) in edges.row(i) {
-                diagonal += RIGIDITY * w;
-                if (j as usize) < i {
-                    entries.push(Triplet::new(i, j as usize, -RIGIDITY * w));
-                }
+            let drawn: f64 = edges.row(i).map(|(_, w)| RIGIDITY * w).sum();
+            rows.push(i);
+            values.push(area + drawn);
+            for (j, w) in edges.row(i).filter(|&(j, _)| j as usize > i) {
+                rows.push(j as usize);
+                values.push(-RIGIDITY * w);
             }
-            entries.push(Triplet::new(i, i, diagonal));
+            starts.push(rows.len());
         }
-        let matrix =
-            SparseColMat::try_new_from_triplets(n, n, &entries).map_err(Error::not_factorised)?;
+        let n = areas.len();
+        let pattern = SymbolicSparseColMat::new_checked(n, n, starts, None, rows);
+        let matrix = SparseColMat::new(pattern, values);
         let factor =
             by_library(|| matrix.sp_cholesky(Side::Lower)).map_err(Error::not_factorised)?;
         Ok(Self {
