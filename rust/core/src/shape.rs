@@ -362,7 +362,13 @@ impl Shape {
     /// # Errors
     /// [`Error::NotFactorised`].
     pub fn complete(&self) -> Result<()> {
-        let (rigidity, graph) = rayon::join(|| self.rigidity(), || self.deformation_graph());
+        let (rigidity, graph) = rayon::join(
+            || self.rigidity(),
+            || {
+                self.protrusions();
+                self.deformation_graph()
+            },
+        );
         rigidity.and(graph).map(|_| ())
     }
 

@@ -71,7 +71,7 @@ pub fn misplaced(
     lengths: f64,
     check: Check<'_>,
 ) -> Result<Vec<(usize, usize)>> {
-    let (here, there) = (own.shape.protrusions(), other.shape.protrusions());
+    let (here, there) = rayon::join(|| own.shape.protrusions(), || other.shape.protrusions());
     let (to, back) = (own.most_on(there), other.most_on(here));
     let settled = |to: &[Option<usize>], back: &[Option<usize>]| -> Vec<bool> {
         let returns = |(p, q): (usize, &Option<usize>)| q.is_some_and(|q| back[q] == Some(p));
