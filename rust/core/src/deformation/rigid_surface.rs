@@ -61,9 +61,9 @@ impl Rigidity {
         // Lower half, the diagonal first in each column.
         let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
         for (i, area) in areas.iter().enumerate() {
-            let drawn: f64 = edges.row(i).map(|(_, w)| RIGIDITY * w).sum();
+            let held: f64 = edges.row(i).map(|(_, w)| RIGIDITY * w).sum();
             rows.push(i);
-            values.push(area + drawn);
+            values.push(area + held);
             for (j, w) in edges.row(i).filter(|&(j, _)| j as usize > i) {
                 rows.push(j as usize);
                 values.push(-RIGIDITY * w);

@@ -99,22 +99,8 @@ impl SampledPair<'_> {
                 let turned = each(&beam, |parent| self.reoriented(parent))?;
                 beam.extend(turned.into_iter().flatten());
             }
-            let children = each(&beam, |parent| {
-                let matrix = self.fit(&parent.on_source, &parent.on_target, k)?;
-                let mut exchanges = vec![vec![(k - 1, k - 1, -1.0)]];
-                if k > first + 1 && self.nearly_double(k) {
-                    for sign in [1.0, -1.0] {
-                        exchanges.push(vec![(k - 2, k - 1, sign), (k - 1, k - 2, sign)]);
-                    }
-                }
-                let (siblings, child) = rayon::join(
-                    || each(&exchanges, |columns| self.turned(&matrix, columns)),
-                    || self.judged(matrix.clone()),
-                );
-                let mut siblings = siblings?;
-                siblings.push(child);
-                Ok(siblings)
-            })?;
+            let exchanges = k > first + 1 && self.nearly_double(k);
+            let children = each(&beam, |parent| self.children(parent, k, exchanges))?;
             beam = self.pruned(children.into_iter().flatten().collect(), width.beam, BASIN);
             if let Some(best) = beam.first().filter(|_| k >= ORIENTED_FROM) {
                 // A mirrored map that distorts less says that one shape is a mirror image.
@@ -128,7 +114,26 @@ impl SampledPair<'_> {
         Ok(self.pruned(beam, width.beam, SAME))
     }
 
-    /// A candidate with some columns replaced, `(column, by which, times)`, and fitted anew.
+    /// A candidate fitted at k with the last column turned, with the last two exchanged either way, and as it is: side by
+    /// side, since at last there are few candidates.
+    fn children(&self, parent: &Candidate, k: usize, exchanges: bool) -> Result<Vec<Candidate>> {
+        let matrix = self.fit(&parent.on_source, &parent.on_target, k)?;
+        let mut changes = vec![vec![(k - 1, k - 1, -1.0)]];
+        if exchanges {
+            for sign in [1.0, -1.0] {
+                changes.push(vec![(k - 2, k - 1, sign), (k - 1, k - 2, sign)]);
+            }
+        }
+        let (changed, plain) = rayon::join(
+            || each(&changes, |columns| self.turned(&matrix, columns)),
+            || self.judged(matrix.clone()),
+        );
+        let mut children = changed?;
+        children.push(plain);
+        Ok(children)
+    }
+
+    /// A map with some columns replaced, `(column, by which, times)`, and fitted anew.
     fn turned(&self, given: &Mat<f64>, columns: &[(usize, usize, f64)]) -> Result<Candidate> {
         let mut matrix = given.clone();
         for &(to, from, sign) in columns {
