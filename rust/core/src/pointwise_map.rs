@@ -262,25 +262,19 @@ pub fn projected_at_full_resolution(
                 return Ok(Vec::new());
             }
             let corners = target.mesh.faces[face as usize];
-            let near = vectorised(
+            Ok(vectorised(
                 #[inline(always)]
                 || {
-                    NearFaces::new(
-                        corners.map(|v| target_rows.row(v as usize)),
-                        corners.map(|v| images[v as usize]),
-                        source,
-                    )
+                    let rows = corners.map(|v| target_rows.row(v as usize));
+                    let near = NearFaces::new(rows, corners.map(|v| images[v as usize]), source);
+                    let mut found = Vec::with_capacity(asking.len());
+                    for &v in asking {
+                        let weights = full.points[v as usize].weights;
+                        found.push((v, near.closest(weights, source)));
+                    }
+                    found
                 },
-            );
-            let closest = |&v: &u32| {
-                let weights = full.points[v as usize].weights;
-                let point = vectorised(
-                    #[inline(always)]
-                    || near.closest(weights, source),
-                );
-                (v, point)
-            };
-            Ok(asking.iter().map(closest).collect())
+            ))
         })
         .collect::<Result<_>>()?;
     let nowhere = SurfacePoint {
@@ -444,6 +438,23 @@ impl OnTriangle {
     fn weights(self) -> [f64; 3] {
         [1.0 - self.s - self.t, self.s, self.t].map(|w| w.max(0.0))
     }
+
+    /// This one, or the other where `takes_other`: without a branch.
+    #[inline(always)]
+    fn or(self, other: Self, takes_other: bool) -> Self {
+        let of = |own, other| if takes_other { other } else { own };
+        Self {
+            cost: of(self.cost, other.cost),
+            s: of(self.s, other.s),
+            t: of(self.t, other.t),
+        }
+    }
+
+    /// The closer one, this where both are as close.
+    #[inline(always)]
+    fn or_closer(self, other: Self) -> Self {
+        self.or(other, other.cost < self.cost)
+    }
 }
 
 /// The closest point of a triangle, from the products ⟨u, u⟩, ⟨u, v⟩, ⟨v, v⟩, ⟨u, q⟩, ⟨v, q⟩, ⟨q, q⟩ of its edges u, v at
@@ -459,37 +470,40 @@ fn closest_on_triangle([uu, uv, vv, uq, vq, qq]: [f64; 6]) -> OnTriangle {
         let at = (numerator / length).clamp(0.0, 1.0);
         if length > 0.0 { at } else { 0.0 }
     };
-    let either = |first: OnTriangle, second: OnTriangle| {
-        let is_second = second.cost < first.cost;
-        let of = |first, second| if is_second { second } else { first };
-        OnTriangle {
-            cost: of(first.cost, second.cost),
-            s: of(first.s, second.s),
-            t: of(first.t, second.t),
-        }
-    };
     let on_bc = along(vq - uq + uu - uv, uu + vv - 2.0 * uv);
-    let outside = either(
-        either(at(along(uq, uu), 0.0), at(0.0, along(vq, vv))),
-        at(1.0 - on_bc, on_bc),
-    );
+    let outside = at(along(uq, uu), 0.0)
+        .or_closer(at(0.0, along(vq, vv)))
+        .or_closer(at(1.0 - on_bc, on_bc));
     let determinant = uu * vv - uv * uv;
     let s = (vv * uq - uv * vq) / determinant;
     let t = (uu * vq - uv * uq) / determinant;
-    let inside = at(s, t);
     let is_inside = determinant > 0.0 && s >= 0.0 && t >= 0.0 && s + t <= 1.0;
-    let of = |inside, outside| if is_inside { inside } else { outside };
-    OnTriangle {
-        cost: of(inside.cost, outside.cost),
-        s: of(inside.s, outside.s),
-        t: of(inside.t, outside.t),
-    }
+    outside.or(at(s, t), is_inside)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::testing::{RINGS, torus};
+
+    #[test]
+    fn distances_are_found_beyond_the_room_for_them() {
+        let count = 3 * AROUND_TWO as u32;
+        let mut rows = Rows::zeros(count as usize, 1);
+        for v in 0..count {
+            rows.row_mut(v as usize)[0] = v as f32;
+        }
+        let mut distances = Distances {
+            query: &[1.0],
+            rows: &rows,
+            known: 0,
+            vertices: [u32::MAX; AROUND_TWO],
+            found: [0.0; AROUND_TWO],
+        };
+        for v in (0..count).chain((0..count).rev()) {
+            assert_eq!(distances.to(v), (f64::from(v) - 1.0).powi(2));
+        }
+    }
 
     #[test]
     fn the_nearest_point_of_triangles_is_that_of_the_three_dimensional_formula() {
