@@ -34,18 +34,22 @@ pub struct Surface<'a> {
 
 impl Surface<'_> {
     /// How much the surface bulges around each vertex, 0 to 1: near 1 on a limb, near 0 in the crease between limb and
-    /// trunk. It is looked at around vertices of which no two are neighbours; the others have the mean of those beside
-    /// them.
+    /// trunk. It is looked at around vertices three edges apart; the others have the mean of those beside
+    /// them, first those that are neighbours and then the rest.
     #[must_use]
     pub fn bulging(&self) -> Vec<f64> {
-        const NONE: usize = usize::MAX;
         let n = self.mesh.vertices.len();
-        let (mut number, mut chosen) = (vec![NONE; n], Vec::new());
-        for v in 0..n {
-            let mut beside = self.neighbours.row(v).iter();
-            if beside.all(|&u| number[u as usize] == NONE) {
-                number[v] = chosen.len();
-                chosen.push(v as u32);
+        let (mut is_near, mut chosen) = (vec![false; n], Vec::new());
+        for v in 0..n as u32 {
+            if is_near[v as usize] {
+                continue;
+            }
+            chosen.push(v);
+            for &u in self.neighbours.row(v as usize) {
+                is_near[u as usize] = true;
+                for &w in self.neighbours.row(u as usize) {
+                    is_near[w as usize] = true;
+                }
             }
         }
         let blocks = chosen.par_chunks(VERTICES_AT_ONCE).flat_map_iter(|block| {
@@ -56,14 +60,25 @@ impl Surface<'_> {
             block.iter().map(around)
         });
         let found: Vec<f64> = blocks.collect();
-        let mean = |v: usize| {
-            let beside = self.neighbours.row(v).iter();
-            let known = beside.filter_map(|&u| found.get(number[u as usize]));
-            let (sum, count) = known.fold((0.0, 0.0), |(sum, count), f| (sum + f, count + 1.0));
-            sum / count
-        };
-        let at = |v: usize| found.get(number[v]).copied().unwrap_or_else(|| mean(v));
-        (0..n).map(at).collect()
+        let mut known = vec![None; n];
+        for (&v, found) in chosen.iter().zip(found) {
+            known[v as usize] = Some(found);
+        }
+        for _ in 0..2 {
+            known = (0..n)
+                .map(|v| known[v].or_else(|| self.mean_beside(v, &known)))
+                .collect();
+        }
+        known.into_iter().flatten().collect()
+    }
+
+    /// Mean of what is known at the neighbours of a vertex.
+    fn mean_beside(&self, v: usize, known: &[Option<f64>]) -> Option<f64> {
+        let beside = self.neighbours.row(v).iter();
+        let (sum, count) = beside
+            .filter_map(|&u| known[u as usize])
+            .fold((0.0, 0.0), |(sum, count), f| (sum + f, count + 1.0));
+        (count > 0.0).then(|| sum / count)
     }
 
     /// The same at one vertex.

@@ -40,6 +40,7 @@ pub mod shape;
 pub mod similarity;
 pub mod simplification;
 pub mod space_tree;
+pub mod sparse_factor;
 pub mod spectral_gmds;
 pub mod symmetry;
 #[cfg(test)]

@@ -326,6 +326,7 @@ impl Shape {
             functions,
             residual: f64::NAN,
             solves: 0,
+            ordering: None,
         };
         Self::assembled((mesh, full), surface, basis, farthest, fields, &|| {
             progress.check()
@@ -337,7 +338,11 @@ impl Shape {
     /// # Errors
     /// [`Error::NotFactorised`].
     pub fn rigidity(&self) -> Result<&Rigidity> {
-        let found = || Rigidity::new(&self.mesh.vertices, &self.mesh.faces, &self.mass);
+        let Mesh {
+            vertices, faces, ..
+        } = &self.mesh;
+        let ordering = self.basis.ordering.as_deref();
+        let found = || Rigidity::new(vertices, faces, &self.mass, ordering);
         known_or_found(&self.rigidity, found)
     }
 

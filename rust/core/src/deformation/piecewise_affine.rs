@@ -18,16 +18,11 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
-use faer::Side;
-use faer::sparse::SymbolicSparseColMatRef;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, SymmetricOrdering, factorize_symbolic_cholesky,
-};
-
 use crate::deformation::block_equations::{Block, BlockEquations, PARTS, Section, parts};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::mesh::Adjacency;
 use crate::progress::Check;
+use crate::sparse_factor::Pattern;
 use crate::vector::{self, Point};
 
 /// Nodes that carry a vertex: with four the matrix has a third more entries, and errors are the same.
@@ -59,6 +54,39 @@ impl Carried {
     /// The node that is eliminated first.
     fn first_node(&self) -> u32 {
         self.by[NEAREST - 1].0
+    }
+}
+
+/// The nodes nearest to a vertex, the nearest first, with their distances.
+#[derive(Debug, Clone, Copy, Default)]
+struct Near {
+    nodes: [(u32, f64); NEAREST],
+    count: usize,
+}
+
+impl Near {
+    fn nodes(&self) -> &[(u32, f64)] {
+        &self.nodes[..self.count]
+    }
+
+    /// Adds a node at a distance; whether it is one of the nearest, and nearer than was known.
+    fn add(&mut self, node: u32, away: f64) -> bool {
+        let known = self.nodes().iter().position(|&(other, _)| other == node);
+        let mut place = match known {
+            Some(place) => place,
+            None if self.count < NEAREST => self.count,
+            None => NEAREST - 1,
+        };
+        if place < self.count && self.nodes[place].1 <= away {
+            return false;
+        }
+        self.count = self.count.max(place + 1);
+        while place > 0 && self.nodes[place - 1].1 > away {
+            self.nodes[place] = self.nodes[place - 1];
+            place -= 1;
+        }
+        self.nodes[place] = (node, away);
+        true
     }
 }
 
@@ -94,7 +122,10 @@ impl DeformationGraph {
         let pairs = pairs_of(nodes.len(), &near, &links);
         let (order, ends) = elimination_order(nodes.len(), &pairs)?;
         let number = numbers(&order);
-        for (node, _) in near.iter_mut().flatten() {
+        for (node, _) in near
+            .iter_mut()
+            .flat_map(|near| &mut near.nodes[..near.count])
+        {
             *node = number[*node as usize];
         }
         let [mut links, pairs] = [links, pairs].map(|pairs| renumbered(&pairs, &number));
@@ -105,13 +136,13 @@ impl DeformationGraph {
             .collect();
         let spacing = near
             .iter()
-            .map(|found| found[0].1)
+            .map(|near| near.nodes()[0].1)
             .fold(f64::MIN_POSITIVE, f64::max);
         let equations = BlockEquations::new(ends, &pairs);
         let mut carried: Vec<Carried> = (0..)
             .zip(rest.iter().zip(&near))
-            .map(|(vertex, (&p, found))| {
-                let by = carried_by(p, found, &nodes, spacing);
+            .map(|(vertex, (&p, near))| {
+                let by = carried_by(p, near.nodes(), &nodes, spacing);
                 let mut pairs = (0..NEAREST).flat_map(|i| (i..NEAREST).map(move |j| (i, j)));
                 Carried {
                     vertex,
@@ -253,11 +284,14 @@ fn add(block: &mut Block, x: &[f64; 4], m: &[Point; 3], y: &[f64; 4]) {
     }
 }
 
-/// The nodes in an order in which eliminating one after the other fills in little, from pairs of them that depend on
-/// one another, and where its [parts] end.
+/// The nodes in an order in which eliminating one after the other fills in little, from sorted pairs of them that depend on
+/// one another, each with itself, and where its [parts] end.
 fn elimination_order(nodes: usize, pairs: &[(u32, u32)]) -> Result<(Vec<u32>, [usize; PARTS])> {
-    let found = minimum_degree_order(nodes, pairs)?;
-    let part = parts(nodes, &renumbered(pairs, &numbers(&found)));
+    let columns = pairs.chunk_by(|a, b| a.0 == b.0);
+    let columns = columns.map(|column| column.iter().map(|&(_, first)| first));
+    let pattern = Pattern::new(columns, None)?;
+    let found = pattern.ordering();
+    let part = parts(nodes, &renumbered(pairs, &numbers(found)));
     let mut by_part: Vec<usize> = (0..nodes).collect();
     by_part.sort_by_key(|&number| part[number]);
     let order = by_part.iter().map(|&number| found[number]).collect();
@@ -282,34 +316,13 @@ fn renumbered(pairs: &[(u32, u32)], number: &[u32]) -> Vec<(u32, u32)> {
     pairs.map(|[a, b]| (a.max(b), a.min(b))).collect()
 }
 
-/// An order that fills in little, from sorted pairs.
-fn minimum_degree_order(nodes: usize, pairs: &[(u32, u32)]) -> Result<Vec<u32>> {
-    let mut pointers = vec![0; nodes + 1];
-    for &(last, _) in pairs {
-        pointers[last as usize + 1] += 1;
-    }
-    for column in 0..nodes {
-        pointers[column + 1] += pointers[column];
-    }
-    let rows: Vec<u32> = pairs.iter().map(|&(_, first)| first).collect();
-    let found = factorize_symbolic_cholesky(
-        SymbolicSparseColMatRef::new_checked(nodes, nodes, &pointers, None, &rows),
-        Side::Upper,
-        SymmetricOrdering::Amd,
-        CholeskySymbolicParams::default(),
-    )
-    .map_err(Error::not_factorised)?;
-    let order = found.perm().map(|order| order.arrays().0.to_vec());
-    Ok(order.unwrap_or_else(|| (0..nodes as u32).collect()))
-}
-
 /// Nodes that carry a vertex together or are linked, the last first, and each with itself, sorted.
-fn pairs_of(nodes: usize, near: &[Vec<(u32, f64)>], links: &[(u32, u32)]) -> Vec<(u32, u32)> {
+fn pairs_of(nodes: usize, near: &[Near], links: &[(u32, u32)]) -> Vec<(u32, u32)> {
     let own = (0..nodes as u32).map(|node| (node, node));
     let mut pairs: Vec<(u32, u32)> = own.chain(links.iter().copied()).collect();
-    for found in near {
-        for (i, &(a, _)) in found.iter().enumerate() {
-            pairs.extend(found[..i].iter().map(|&(b, _)| (a.max(b), a.min(b))));
+    for near in near {
+        for (i, &(a, _)) in near.nodes().iter().enumerate() {
+            pairs.extend(near.nodes()[..i].iter().map(|&(b, _)| (a.max(b), a.min(b))));
         }
     }
     pairs.sort_unstable();
@@ -318,10 +331,10 @@ fn pairs_of(nodes: usize, near: &[Vec<(u32, f64)>], links: &[(u32, u32)]) -> Vec
 }
 
 /// Nodes, the last of both first, between whose vertices an edge leads.
-fn links(near: &[Vec<(u32, f64)>], neighbours: &Adjacency) -> Vec<(u32, u32)> {
+fn links(near: &[Near], neighbours: &Adjacency) -> Vec<(u32, u32)> {
     let mut links: Vec<(u32, u32)> = (0..near.len())
         .flat_map(|v| neighbours.row(v).iter().map(move |&u| [v, u as usize]))
-        .map(|ends| ends.map(|v| near[v][0].0))
+        .map(|ends| ends.map(|v| near[v].nodes()[0].0))
         .filter(|[a, b]| a > b)
         .map(|[a, b]| (a, b))
         .collect();
@@ -368,39 +381,29 @@ fn dot4(a: [f64; 4], b: [f64; 4]) -> f64 {
     a.iter().zip(b).map(|(x, y)| x * y).sum()
 }
 
-/// The nodes nearest to each vertex along edges, with their distances.
-fn nearest_nodes(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Vec<Vec<(u32, f64)>> {
+/// The nodes nearest to each vertex along edges, with their distances; fewer on a small piece.
+fn nearest_nodes(rest: &[Point], neighbours: &Adjacency, nodes: &[u32]) -> Vec<Near> {
+    let mut near = vec![Near::default(); rest.len()];
     // Distances are positive, so that their bits are in their order.
-    let mut waiting: BinaryHeap<Reverse<(u64, u32, u32)>> = nodes
-        .iter()
-        .enumerate()
-        .map(|(node, &v)| Reverse((0, node as u32, v)))
-        .collect();
-    let mut found: Vec<Vec<(u32, f64)>> = vec![Vec::with_capacity(NEAREST); rest.len()];
-    // The least distance of each node that waits at a vertex: longer ways there need not.
-    let mut least: Vec<Vec<(u32, f64)>> = vec![Vec::with_capacity(2 * NEAREST); rest.len()];
+    let mut waiting = BinaryHeap::new();
+    for (node, &v) in (0..).zip(nodes) {
+        near[v as usize].add(node, 0.0);
+        waiting.push(Reverse((0.0f64.to_bits(), node, v)));
+    }
     while let Some(Reverse((bits, node, v))) = waiting.pop() {
-        let (here, known) = (rest[v as usize], &mut found[v as usize]);
-        if known.len() == NEAREST || known.iter().any(|(other, _)| *other == node) {
+        let (here, away) = (rest[v as usize], f64::from_bits(bits));
+        // Others have turned out nearer, or a shorter way has.
+        if !near[v as usize].nodes().contains(&(node, away)) {
             continue;
         }
-        let away = f64::from_bits(bits);
-        known.push((node, away));
         for &u in neighbours.row(v as usize) {
-            if found[u as usize].len() == NEAREST {
-                continue;
-            }
             let there = away + vector::distance(here, rest[u as usize]);
-            let least = &mut least[u as usize];
-            match least.iter_mut().find(|(other, _)| *other == node) {
-                Some((_, shorter)) if *shorter <= there => continue,
-                Some((_, longer)) => *longer = there,
-                None => least.push((node, there)),
+            if near[u as usize].add(node, there) {
+                waiting.push(Reverse((there.to_bits(), node, u)));
             }
-            waiting.push(Reverse((there.to_bits(), node, u)));
         }
     }
-    found
+    near
 }
 
 #[cfg(test)]
@@ -470,11 +473,32 @@ mod tests {
         let nodes = shape.farthest_points(30);
         let found = nearest_nodes(&shape.mesh.vertices, &shape.neighbours, nodes);
         for (node, &v) in nodes.iter().enumerate() {
-            assert_eq!(found[v as usize][0], (node as u32, 0.0));
+            assert_eq!(found[v as usize].nodes()[0], (node as u32, 0.0));
         }
-        for near in &found {
-            assert_eq!(near.len(), NEAREST);
-            assert!(near.windows(2).all(|pair| pair[0].1 <= pair[1].1));
+        // Lengths of the shortest ways from each node, which every edge leaves as they are.
+        let rest = &shape.mesh.vertices;
+        let mut ways = vec![vec![f64::INFINITY; rest.len()]; nodes.len()];
+        for (away, &v) in ways.iter_mut().zip(nodes) {
+            away[v as usize] = 0.0;
+            let mut changed = true;
+            while changed {
+                changed = false;
+                for v in 0..rest.len() {
+                    for &u in shape.neighbours.row(v) {
+                        let there = away[u as usize] + vector::distance(rest[u as usize], rest[v]);
+                        changed |= there < away[v];
+                        away[v] = away[v].min(there);
+                    }
+                }
+            }
+        }
+        for (v, near) in found.iter().enumerate() {
+            let mut truth: Vec<f64> = ways.iter().map(|away| away[v]).collect();
+            truth.sort_by(f64::total_cmp);
+            assert_eq!(near.nodes().len(), NEAREST);
+            for (&(node, away), truth) in near.nodes().iter().zip(truth) {
+                assert_eq!((away, away), (truth, ways[node as usize][v]));
+            }
         }
     }
 }

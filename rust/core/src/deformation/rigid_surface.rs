@@ -10,25 +10,23 @@
 //! (positions), 5 and 6 (rotations). These are found here by Newton's method, and where they are far off as in
 //! Müller, Bender, Chentanez, Macklin, "A robust method to extract the rotational part of deformations", 2016.
 
-use faer::prelude::*;
-use faer::sparse::linalg::solvers::Llt;
-use faer::sparse::{SparseColMat, SymbolicSparseColMat};
-use faer::{Mat, Side};
 use rayon::prelude::*;
 
-use crate::dense::by_library;
 use crate::edge_weights::EdgeWeights;
 use crate::error::{Error, Result};
 use crate::progress::Check;
+use crate::sparse_factor::{Factor, Pattern};
 use crate::vector::{self, Point};
 
 /// Weight μ of rigidity; of the points together it is that of the pull, at unit area.
 const RIGIDITY: f64 = 2e-3;
 /// Rounds of rotations and positions a call.
 const ROUNDS: usize = 3;
-/// Steps of a rotation at most, and the angle below which it is found.
+/// Steps of a rotation at most, and the angle to which it is found.
 const ROTATION_STEPS: usize = 30;
 const ROTATION_ACCURACY: f64 = 1e-6;
+/// Newton's method doubles the digits: a step of less is the last.
+const LAST_STEP: f64 = 1e-3;
 
 /// Columns of a rotation.
 type Rotation = [Point; 3];
@@ -39,7 +37,9 @@ pub struct Rigidity {
     edges: EdgeWeights,
     areas: Vec<f64>,
     /// Of μW + diag(a).
-    factor: Llt<usize, f64>,
+    factor: Factor,
+    /// Vertices in the factor's ordering.
+    ordering: Vec<u32>,
 }
 
 /// A surface on its way to given points.
@@ -52,30 +52,34 @@ pub struct RigidSurface<'a> {
 }
 
 impl Rigidity {
-    /// Of a surface at rest with the area of each vertex, some above zero.
+    /// Of a surface at rest with the area of each vertex, some above zero; where an order is known in which neighbours are
+    /// eliminated with little fill, it need not be found.
     ///
     /// # Errors
     /// [`Error::NotFactorised`].
-    pub fn new(rest: &[Point], triangles: &[[u32; 3]], areas: &[f64]) -> Result<Self> {
+    pub fn new(
+        rest: &[Point],
+        triangles: &[[u32; 3]],
+        areas: &[f64],
+        ordering: Option<&[u32]>,
+    ) -> Result<Self> {
         let edges = EdgeWeights::new(rest, triangles);
-        // Lower half, the diagonal first in each column.
-        let (mut starts, mut rows, mut values) = (vec![0], Vec::new(), Vec::new());
+        let before = |i: usize| edges.row(i).take_while(move |&(j, _)| (j as usize) < i);
+        let columns = (0..areas.len()).map(|i| before(i).map(|(j, _)| j).chain([i as u32]));
+        let pattern = Pattern::new(columns, ordering)?;
+        let mut entries = Vec::new();
         for (i, area) in areas.iter().enumerate() {
+            entries.extend(before(i).map(|(_, w)| -RIGIDITY * w));
             let held: f64 = edges.row(i).map(|(_, w)| RIGIDITY * w).sum();
-            rows.push(i);
-            values.push(area + held);
-            for (j, w) in edges.row(i).filter(|&(j, _)| j as usize > i) {
-                rows.push(j as usize);
-                values.push(-RIGIDITY * w);
-            }
-            starts.push(rows.len());
+            entries.push(area + held);
         }
-        let n = areas.len();
-        let pattern = SymbolicSparseColMat::new_checked(n, n, starts, None, rows);
-        let matrix = SparseColMat::new(pattern, values);
-        let factor =
-            by_library(|| matrix.sp_cholesky(Side::Lower)).map_err(Error::not_factorised)?;
+        let positive = |factor: &Factor| factor.negative_pivots() == 0;
+        let factor = pattern.factor(&entries).filter(positive);
+        let factor = factor.ok_or_else(|| Error::NotFactorised {
+            reason: "the rigid surface has a pivot that is not positive".into(),
+        })?;
         Ok(Self {
+            ordering: pattern.ordering().to_vec(),
             edges,
             areas: areas.to_vec(),
             factor,
@@ -104,26 +108,30 @@ impl<'a> RigidSurface<'a> {
             edges,
             areas,
             factor,
+            ordering,
         } = self.rigidity;
         for _ in 0..ROUNDS {
             check()?;
             self.turn();
-            let balance: Vec<Point> = (places.par_iter().zip(areas).enumerate())
-                .map(|(i, (&place, &area))| {
-                    let drawn = vector::scaled(place, area);
-                    edges.row(i).fold(drawn, |sum, (j, w)| {
+            // With a fourth coordinate of nothing they fill a register.
+            let mut balance: Vec<[f64; 4]> = ordering
+                .par_iter()
+                .map(|&i| {
+                    let i = i as usize;
+                    let drawn = vector::scaled(places[i], areas[i]);
+                    let [x, y, z] = edges.row(i).fold(drawn, |sum, (j, w)| {
                         let edge = vector::sub(self.rest[i], self.rest[j as usize]);
                         let here = turned(&self.rotations[i], edge);
                         let there = turned(&self.rotations[j as usize], edge);
                         let both = vector::add(here, there);
                         vector::add(sum, vector::scaled(both, 0.5 * RIGIDITY * w))
-                    })
+                    });
+                    [x, y, z, 0.0]
                 })
                 .collect();
-            let mut x = Mat::from_fn(places.len(), 3, |i, c| balance[i][c]);
-            by_library(|| factor.solve_in_place(&mut x));
-            for (i, p) in self.positions.iter_mut().enumerate() {
-                *p = [0, 1, 2].map(|c| x[(i, c)]);
+            factor.solve(&mut balance);
+            for (&i, [x, y, z, _]) in ordering.iter().zip(balance) {
+                self.positions[i as usize] = [x, y, z];
             }
         }
         Ok(())
@@ -176,12 +184,18 @@ fn rotate_towards(rotation: &mut Rotation, columns: &[Point; 3]) {
                 *row = vector::add(*row, vector::scaled(*r, *x));
             }
         }
-        let step = newton_step(&product, aligned, moment).unwrap_or_else(|| {
+        let newton = newton_step(&product, aligned, moment);
+        let least = if newton.is_some() {
+            LAST_STEP
+        } else {
+            ROTATION_ACCURACY
+        };
+        let step = newton.unwrap_or_else(|| {
             vector::scaled(moment, 1.0 / (aligned.abs() + f64::MIN_POSITIVE.sqrt()))
         });
         let half = vector::scaled(step, 0.5);
         let square = vector::dot(half, half);
-        if 4.0 * square < ROTATION_ACCURACY.powi(2) || !square.is_finite() {
+        if !square.is_finite() {
             break;
         }
         for r in rotation.iter_mut() {
@@ -189,6 +203,9 @@ fn rotate_towards(rotation: &mut Rotation, columns: &[Point; 3]) {
             let across = vector::cross(half, *r);
             let change = vector::add(across, vector::cross(half, across));
             *r = vector::add(*r, vector::scaled(change, 2.0 / (1.0 + square)));
+        }
+        if 4.0 * square < least * least {
+            break;
         }
     }
 }
@@ -243,7 +260,7 @@ mod tests {
         let areas: Vec<f64> = (0..rest.len())
             .map(|i| if drawn(i) { 1.0 } else { 0.0 })
             .collect();
-        let rigidity = Rigidity::new(&rest, &triangles, &areas).expect("regular");
+        let rigidity = Rigidity::new(&rest, &triangles, &areas, None).expect("regular");
         let mut surface = RigidSurface::new(&rigidity, rest.clone());
         surface.positions.clone_from(&there);
         let places: Vec<Point> = (0..rest.len())
@@ -296,7 +313,7 @@ mod tests {
             .collect();
         // Drawn weakly against the rigidity.
         let areas = vec![1e-5; rest.len()];
-        let rigidity = Rigidity::new(&rest, &triangles, &areas).expect("regular");
+        let rigidity = Rigidity::new(&rest, &triangles, &areas, None).expect("regular");
         let mut surface = RigidSurface::new(&rigidity, rest.clone());
         surface.positions.clone_from(&noisy);
         surface.drawn_to(&noisy, &|| Ok(())).expect("not cancelled");

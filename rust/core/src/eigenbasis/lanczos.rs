@@ -1,19 +1,18 @@
 //! Block Lanczos for the eigenpairs of `M = A^{1/2}(W − sA)⁻¹A^{1/2}` far from zero.
 
+use std::mem::swap;
+
 use faer::Accum;
 use faer::prelude::*;
 
 use super::ROWS_A_PIECE;
+use super::block::{BLOCK, Block};
 use super::noise::noise;
 use super::orthogonal::{eigen, least_pivot, orthonormalise, remove};
 use super::shifted_factor::ShiftedFactor;
 use super::slices::Slice;
 use crate::dense::multiply;
 use crate::error::{Error, Result};
-
-/// Vectors multiplied at once: a row of four fills a vector register. At 5k vertices and k = 200 the space has 344, 400,
-/// 480 dimensions with 4, 8, 16 vectors, and orthogonalisation grows with the square.
-const BLOCK: usize = 4;
 
 /// Blocks made orthogonal to all before them together, so that the basis, which is far larger than the nearest cache,
 /// is read less often. With three, what rounding leaves along converged Ritz vectors grows too large while they wait.
@@ -75,8 +74,10 @@ pub(super) struct BlockLanczos<'a> {
     /// `‖M‖` over the least pivot of the last triangle: by how much a block's overlap with converged Ritz vectors
     /// exceeds that of the block before it, at most.
     growth: f64,
-    /// A block as the factor takes it, row by row.
-    rows: Vec<[f64; BLOCK]>,
+    /// The last block of the basis, that before it, and the one to come.
+    last: Block,
+    previous: Block,
+    next: Block,
 }
 
 impl<'a> BlockLanczos<'a> {
@@ -97,7 +98,10 @@ impl<'a> BlockLanczos<'a> {
         let mut start = rest.subcols_mut(0, BLOCK);
         start.copy_from(starting_block(n));
         remove(start.rb_mut(), deflated.rb());
-        orthonormalise(start, deflated.rb());
+        orthonormalise(start.rb_mut(), deflated.rb());
+        let nothing = Block::filled(n, 0.0);
+        let mut last = nothing.clone();
+        last.copy_from(start.rb());
         Self {
             factor,
             root_mass,
@@ -107,7 +111,9 @@ impl<'a> BlockLanczos<'a> {
             settled: 1 + BLOCK,
             norm: 0.0,
             growth: 0.0,
-            rows: vec![[0.0; BLOCK]; n],
+            last,
+            previous: nothing.clone(),
+            next: nothing,
         }
     }
 
@@ -210,70 +216,66 @@ impl<'a> BlockLanczos<'a> {
     /// One more block: multiply by `M`, orthogonalise, store.
     fn extend(&mut self) {
         let m = self.size;
-        self.multiply_last();
-        let (known, rest) = self.basis.split_at_col_mut(1 + m + BLOCK);
-        let (known, mut block) = (known.rb(), rest.subcols_mut(0, BLOCK));
+        self.next.set_scaled(self.root_mass, &self.last);
+        self.next.solve(self.factor.factor());
+        self.next.scale(self.root_mass);
         // Three-term recurrence first; `settle` then only removes what rounding left.
         if m > 0 {
-            multiply(
-                block.rb_mut(),
-                Accum::Add,
-                known.subcols(1 + m - BLOCK, BLOCK),
-                self.projected
-                    .submatrix(m, m - BLOCK, BLOCK, BLOCK)
-                    .transpose(),
-                -1.0,
-            );
+            let above = self.projected.submatrix(m, m - BLOCK, BLOCK, BLOCK);
+            let above = [0, 1, 2, 3].map(|i| [0, 1, 2, 3].map(|j| above[(j, i)]));
+            self.next.subtract(&self.previous, &above);
         }
-        let diagonal = remove(block.rb_mut(), known.subcols(1 + m, BLOCK));
-        for j in 0..BLOCK {
-            for i in 0..BLOCK {
-                self.projected[(m + i, m + j)] = f64::midpoint(diagonal[(i, j)], diagonal[(j, i)]);
+        let diagonal = self.last.products(&self.next);
+        self.next.subtract(&self.last, &diagonal);
+        for (i, row) in diagonal.iter().enumerate() {
+            for (j, product) in row.iter().enumerate() {
+                self.projected[(m + i, m + j)] = f64::midpoint(*product, diagonal[j][i]);
+                self.norm = self.norm.max(product.abs());
             }
         }
         self.size += BLOCK;
-        let waiting = 1 + self.size + BLOCK - self.settled;
+        let (n, first) = (self.basis.nrows(), self.basis.ncols());
+        self.basis.resize_with(n, first + BLOCK, |_, _| 0.0);
+        let waiting = self.basis.ncols() - self.settled;
         if waiting >= BLOCKS_TOGETHER * BLOCK || self.growth > MOST_GROWTH {
+            self.next.copy_to(self.basis.subcols_mut(first, BLOCK));
             self.settle();
+            self.last
+                .copy_from(self.basis.subcols(first - BLOCK, BLOCK));
+            self.next.copy_from(self.basis.subcols(first, BLOCK));
         }
         let triangle = self.orthonormalise_next();
-        self.norm = self.norm.max(diagonal.norm_max());
         self.growth = self.norm / least_pivot(&triangle);
         self.projected
             .submatrix_mut(m + BLOCK, m, BLOCK, BLOCK)
             .copy_from(&triangle);
+        swap(&mut self.previous, &mut self.last);
+        swap(&mut self.last, &mut self.next);
     }
 
-    /// Orthonormalises the block after the basis, and returns the triangle.
+    /// Orthonormalises the block to come, stores it after the basis, and returns the triangle.
     fn orthonormalise_next(&mut self) -> Mat<f64> {
         let m = self.size;
         let removed = self.projected.subrows(m - BLOCK, BLOCK).norm_l2();
-        let (known, rest) = self.basis.split_at_col_mut(1 + m);
-        let (known, mut block) = (known.rb(), rest.subcols_mut(0, BLOCK));
-        let triangle = orthonormalise(block.rb_mut(), known);
-        if least_pivot(&triangle) >= CANCELLATION * removed.max(triangle.norm_l2()) {
-            return triangle;
+        let is_sound = |triangle: &Mat<f64>| {
+            least_pivot(triangle) >= CANCELLATION * removed.max(triangle.norm_l2())
+        };
+        let triangle = self.next.orthonormalise();
+        let triangle = triangle.map(|rows| Mat::from_fn(BLOCK, BLOCK, |i, j| rows[i][j]));
+        let (known, mut block) = self.basis.split_at_col_mut(1 + m);
+        let known = known.rb();
+        self.next.copy_to(block.rb_mut());
+        let mut triangle = match triangle {
+            Some(triangle) if is_sound(&triangle) => return triangle,
+            Some(triangle) => triangle,
+            None => orthonormalise(block.rb_mut(), known),
+        };
+        if !is_sound(&triangle) {
+            remove(block.rb_mut(), known);
+            triangle = orthonormalise(block.rb_mut(), known) * triangle;
         }
-        remove(block.rb_mut(), known);
-        orthonormalise(block, known) * triangle
-    }
-
-    /// `M` times the basis's last block, into the columns after it.
-    fn multiply_last(&mut self) {
-        let (n, first) = (self.basis.nrows(), 1 + self.size);
-        self.basis.resize_with(n, first + 2 * BLOCK, |_, _| 0.0);
-        for (c, column) in self.basis.subcols(first, BLOCK).col_iter().enumerate() {
-            for ((row, x), root) in self.rows.iter_mut().zip(column.iter()).zip(self.root_mass) {
-                row[c] = x * root;
-            }
-        }
-        self.factor.solve(&mut self.rows);
-        let next = self.basis.subcols_mut(first + BLOCK, BLOCK);
-        for (c, column) in next.col_iter_mut().enumerate() {
-            for ((row, x), root) in self.rows.iter().zip(column.iter_mut()).zip(self.root_mass) {
-                *x = row[c] * root;
-            }
-        }
+        self.next.copy_from(block.rb());
+        triangle
     }
 
     /// Makes the columns that have waited orthogonal to all before them. As long as they were so to `√ε`, the
@@ -281,10 +283,9 @@ impl<'a> BlockLanczos<'a> {
     ///
     /// Simon, "The Lanczos algorithm with partial reorthogonalization", 1984.
     fn settle(&mut self) {
-        let end = 1 + self.size + BLOCK;
-        let (known, rest) = self.basis.split_at_col_mut(self.settled);
-        remove(rest.subcols_mut(0, end - self.settled), known.rb());
-        self.settled = end;
+        let (known, waiting) = self.basis.split_at_col_mut(self.settled);
+        remove(waiting, known.rb());
+        self.settled = self.basis.ncols();
     }
 
     /// Ritz vectors with one more step of `M` applied, `QS + Q₊BS₊/μ = MQS/μ`: the step costs

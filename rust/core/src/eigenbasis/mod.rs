@@ -1,11 +1,11 @@
 //! Smallest eigenpairs of the Laplace–Beltrami operator: `W φ = λ A φ`.
 
+mod block;
 mod lanczos;
 mod noise;
 mod orthogonal;
 mod shifted_factor;
 mod slices;
-mod substitution;
 
 use std::collections::VecDeque;
 
@@ -53,6 +53,8 @@ pub struct Eigenbasis {
     pub residual: f64,
     /// Sparse linear systems solved; 0 when a small mesh was solved densely.
     pub solves: usize,
+    /// Vertices in the order in which they were eliminated, which fills in little; none when a small mesh was solved densely.
+    pub ordering: Option<Vec<u32>>,
 }
 
 impl Eigenbasis {
@@ -92,6 +94,7 @@ impl Eigenbasis {
             functions: Mat::full(n, 1, 1.0 / area.sqrt()),
             residual: 0.0,
             solves: 0,
+            ordering: None,
         };
         if k > 1 {
             if n <= DENSE_RATIO * Slice::lowest(k - 1).expected_size() {
@@ -154,14 +157,15 @@ impl Eigenbasis {
             *own = *value;
         }
         let mut places = vec![(0, 0.0); laplacian.len()];
-        for (i, (v, root)) in pattern
+        for (i, (&v, root)) in pattern
             .ordering()
-            .into_iter()
+            .iter()
             .zip(&spectrum.root_mass)
             .enumerate()
         {
             places[v as usize] = (i, 1.0 / root);
         }
+        self.ordering = Some(pattern.ordering().to_vec());
         self.functions.resize_with(places.len(), k, |_, _| 0.0);
         let functions = self.functions.col_iter_mut().skip(1);
         let vectors = parts.iter().flat_map(|part| part.vectors.col_iter());

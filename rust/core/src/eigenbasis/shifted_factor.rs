@@ -1,113 +1,58 @@
-//! Factorisation of `W − sA` and solves with it, in the factor's own ordering.
-
-use faer::dyn_stack::{MemBuffer, MemStack};
-use faer::linalg::cholesky::ldlt::factor::LdltRegularization;
-use faer::prelude::*;
-use faer::sparse::linalg::SupernodalThreshold;
-use faer::sparse::linalg::cholesky::{
-    CholeskySymbolicParams, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
-    factorize_symbolic_cholesky, supernodal,
-};
-use faer::sparse::{SparseColMatRef, SymbolicSparseColMatRef};
-use faer::{Side, Spec};
+//! Factors of `W − sA` and solves with them, in the factor's own ordering.
 
 use super::noise::noise;
-use super::substitution::Supernode;
-use crate::dense::{by_library, vectorised};
-use crate::error::{Error, Result};
+use crate::error::Result;
 use crate::laplacian::Laplacian;
+use crate::sparse_factor::{self, Factor};
 
 /// Largest relative error of a solve that is still taken for a sound factor.
 const SOLVE_ACCURACY: f64 = 1e-7;
 
-/// What the factors of `W − sA` have in common for all shifts `s`: the ordering, and where numbers may stand.
+/// What the factors of `W − sA` have in common for all shifts `s`.
 pub(super) struct Pattern<'a> {
     laplacian: &'a Laplacian,
-    pointers: Vec<u32>,
-    indices: Vec<u32>,
-    symbolic: SymbolicCholesky<u32>,
+    pattern: sparse_factor::Pattern,
 }
 
 impl<'a> Pattern<'a> {
     pub(super) fn new(laplacian: &'a Laplacian) -> Result<Self> {
-        let n = laplacian.len();
-        let mut pointers = Vec::with_capacity(n + 1);
-        let mut indices: Vec<u32> = Vec::with_capacity(laplacian.stiffness.nnz());
-        pointers.push(0);
-        for (i, row) in laplacian.stiffness.outer_iterator().enumerate() {
-            // Rows of the lower half are columns of the upper half.
-            indices.extend(row.indices().iter().filter(|&&j| j <= i).map(|&j| j as u32));
-            pointers.push(indices.len() as u32);
-        }
-        let symbolic = factorize_symbolic_cholesky(
-            SymbolicSparseColMatRef::new_checked(n, n, &pointers, None, &indices),
-            Side::Upper,
-            SymmetricOrdering::Amd,
-            CholeskySymbolicParams {
-                supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
-                ..Default::default()
-            },
-        )
-        .map_err(Error::not_factorised)?;
+        // Rows of the lower half are columns of the upper half.
+        let rows = laplacian.stiffness.outer_iterator().enumerate();
+        let columns = rows.map(|(i, row)| {
+            let indices = row.into_raw_storage().0.iter();
+            indices.take_while(move |&&j| j <= i).map(|&j| j as u32)
+        });
         Ok(Self {
             laplacian,
-            pointers,
-            indices,
-            symbolic,
+            pattern: sparse_factor::Pattern::new(columns, None)?,
         })
     }
 
     /// Row `i` of a factor belongs to vertex `ordering()[i]`.
-    pub(super) fn ordering(&self) -> Vec<u32> {
-        self.symbolic.perm().map_or_else(
-            || (0..self.laplacian.len() as u32).collect(),
-            |p| p.arrays().0.to_vec(),
-        )
+    pub(super) fn ordering(&self) -> &[u32] {
+        self.pattern.ordering()
     }
 
     /// Vertex areas in the factor's ordering.
-    pub(super) fn mass(&self) -> Vec<f64> {
+    pub(super) fn mass(&self) -> impl Iterator<Item = f64> {
         let mass = &self.laplacian.mass;
-        self.ordering().iter().map(|&v| mass[v as usize]).collect()
+        self.ordering().iter().map(|&v| mass[v as usize])
     }
 
     /// Factor of `W − sA`; none when a pivot vanished or solves are inaccurate.
     pub(super) fn factor(&self, shift: f64) -> Option<ShiftedFactor<'_>> {
-        let n = self.laplacian.len();
-        let mut entries: Vec<f64> = Vec::with_capacity(self.indices.len());
+        let mass = &self.laplacian.mass;
+        let mut entries = Vec::with_capacity(self.laplacian.stiffness.nnz());
         for (i, row) in self.laplacian.stiffness.outer_iterator().enumerate() {
-            for (j, &w) in row.iter().filter(|&(j, _)| j <= i) {
-                entries.push(if i == j {
-                    w - shift * self.laplacian.mass[i]
-                } else {
-                    w
-                });
-            }
+            entries.extend(
+                row.iter()
+                    .take_while(|&(j, _)| j <= i)
+                    .map(|(j, &w)| if i == j { w - shift * mass[i] } else { w }),
+            );
         }
-        let pattern =
-            SymbolicSparseColMatRef::new_checked(n, n, &self.pointers, None, &self.indices);
-        let scratch = self
-            .symbolic
-            .factorize_numeric_ldlt_scratch::<f64>(Par::Seq, Spec::default());
-        let mut values = vec![0.0; self.symbolic.len_val()];
-        let matrix = SparseColMatRef::new(pattern, &entries);
-        by_library(|| {
-            self.symbolic
-                .factorize_numeric_ldlt(
-                    &mut values,
-                    matrix,
-                    Side::Upper,
-                    LdltRegularization::default(),
-                    Par::Seq,
-                    MemStack::new(&mut MemBuffer::new(scratch)),
-                    Spec::default(),
-                )
-                .is_ok()
-        })
-        .then_some(())?;
         let factor = ShiftedFactor {
             pattern: self,
-            values,
+            factor: self.pattern.factor(&entries)?,
             shift,
         };
         factor.is_accurate().then_some(factor)
@@ -116,12 +61,12 @@ impl<'a> Pattern<'a> {
 
 /// Factor `LDLᵀ = P(W − sA)Pᵀ` for a shift `s` that may lie inside the spectrum.
 ///
-/// `D` is diagonal and there is no pivoting for size: the matrices eliminated before the last few
+/// There is no pivoting for size: the matrices eliminated before the last few
 /// separators are those of small patches with fixed borders, whose spectra lie far above `s`. A
 /// shift that falls on the spectrum of a patch shows as an inaccurate solve.
 pub(super) struct ShiftedFactor<'a> {
     pattern: &'a Pattern<'a>,
-    values: Vec<f64>,
+    factor: Factor,
     shift: f64,
 }
 
@@ -138,7 +83,7 @@ impl ShiftedFactor<'_> {
 
     /// Whether a solve with a known answer is right: `(W − sA)⁻¹A·1 = −1/s`.
     fn is_accurate(&self) -> bool {
-        let mut x: Vec<[f64; 1]> = self.pattern.mass().into_iter().map(|a| [a]).collect();
+        let mut x: Vec<[f64; 1]> = self.pattern.mass().map(|a| [a]).collect();
         self.solve(&mut x);
         let worst = x
             .iter()
@@ -150,7 +95,7 @@ impl ShiftedFactor<'_> {
     /// Distance of the shift from the nearest eigenvalue where that is far nearer than the others, never less than it: the
     /// inverse of a vector's growth in the second of two inverse iterations.
     pub(super) fn nearest_eigenvalue(&self) -> f64 {
-        let mass = self.pattern.mass();
+        let mass: Vec<f64> = self.pattern.mass().collect();
         let mut x: Vec<[f64; 1]> = (0..mass.len() as u64).map(|i| [noise(i)]).collect();
         let length = |x: &[[f64; 1]]| {
             let squares = x.iter().zip(&mass).map(|([x], a)| a * x * x);
@@ -167,54 +112,19 @@ impl ShiftedFactor<'_> {
         lengths[0] / lengths[1]
     }
 
-    /// Eigenvalues below the shift: negative entries of `D`, by Sylvester's law of inertia.
+    /// Eigenvalues below the shift.
     pub(super) fn eigenvalues_below(&self) -> usize {
-        let numeric = self.numeric();
-        (0..numeric.symbolic().n_supernodes())
-            .map(|s| {
-                let block = numeric.supernode(s).val();
-                (0..block.ncols()).filter(|&i| block[(i, i)] < 0.0).count()
-            })
-            .sum()
+        self.factor.negative_pivots()
+    }
+
+    /// The factor itself.
+    pub(super) fn factor(&self) -> &Factor {
+        &self.factor
     }
 
     /// `X ← (W − sA)⁻¹X`: a row for each vertex, in the factor's ordering.
     pub(super) fn solve<const C: usize>(&self, x: &mut [[f64; C]]) {
-        let numeric = self.numeric();
-        let symbolic = numeric.symbolic();
-        vectorised(
-            #[inline(always)]
-            || {
-                for s in 0..symbolic.n_supernodes() {
-                    supernode(numeric, s).forward(x);
-                }
-                for s in (0..symbolic.n_supernodes()).rev() {
-                    supernode(numeric, s).backward(x);
-                }
-            },
-        );
-    }
-
-    fn numeric(&self) -> supernodal::SupernodalLdltRef<'_, u32, f64> {
-        match self.pattern.symbolic.raw() {
-            SymbolicCholeskyRaw::Supernodal(s) => {
-                supernodal::SupernodalLdltRef::new(s, &self.values)
-            }
-            SymbolicCholeskyRaw::Simplicial(_) => unreachable!("a supernodal factor was asked for"),
-        }
-    }
-}
-
-#[inline(always)]
-fn supernode(numeric: supernodal::SupernodalLdltRef<'_, u32, f64>, s: usize) -> Supernode<'_> {
-    let symbolic = numeric.symbolic();
-    let first = symbolic.supernode_begin()[s] as usize;
-    let pointers = symbolic.col_ptr_for_val();
-    Supernode {
-        first,
-        columns: symbolic.supernode_end()[s] as usize - first,
-        below: symbolic.supernode(s).pattern(),
-        values: &numeric.values()[pointers[s] as usize..pointers[s + 1] as usize],
+        self.factor.solve(x);
     }
 }
 
@@ -276,6 +186,7 @@ pub(super) mod tests {
         let laplacian = laplacian();
         for shift in [-1.0, 0.37, 61.3, 500.0] {
             assert_solves::<1>(&laplacian, shift);
+            assert_solves::<3>(&laplacian, shift);
             assert_solves::<4>(&laplacian, shift);
         }
     }

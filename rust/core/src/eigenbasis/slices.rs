@@ -126,7 +126,7 @@ impl<'a> Spectrum<'a> {
         cancelled: &'a (dyn Fn() -> bool + Sync),
     ) -> Self {
         let area: f64 = mass.iter().sum();
-        let root_mass: Vec<f64> = pattern.mass().into_iter().map(f64::sqrt).collect();
+        let root_mass: Vec<f64> = pattern.mass().map(f64::sqrt).collect();
         Self {
             pattern,
             constant: Col::from_fn(root_mass.len(), |i| root_mass[i] / area.sqrt()),
