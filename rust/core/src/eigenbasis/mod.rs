@@ -15,7 +15,7 @@ use rayon::prelude::*;
 use self::orthogonal::eigen;
 use self::shifted_factor::{Pattern, ShiftedFactor};
 use self::slices::{Slice, Spectrum, weyl_spacing};
-use crate::dense::vectorised;
+use crate::dense::{self, vectorised};
 use crate::error::{Error, Result};
 use crate::laplacian::Laplacian;
 
@@ -33,6 +33,9 @@ const MEASURED_AT_ONCE: usize = 8;
 
 /// Single vertices relaxed at most for a pair whose residual is rounding at tiny vertices, for each vertex.
 const RELAXATIONS: usize = 100;
+
+/// Times at most that pairs which miss the bound are corrected. Once was enough for every pair seen.
+const CORRECTIONS: usize = 3;
 
 /// A vertex is tiny where its stiffness is more than this many times its mass times the eigenvalue: the pair's equation
 /// there says what its value is, given those around it.
@@ -223,8 +226,11 @@ impl Eigenbasis {
             let all = residuals.iter().enumerate();
             all.filter(|&(j, &r)| fails(j, r)).map(|(j, _)| j).collect()
         };
-        let inaccurate = failed(&residuals);
-        if !inaccurate.is_empty() {
+        for _ in 0..CORRECTIONS {
+            let inaccurate = failed(&residuals);
+            if inaccurate.is_empty() {
+                break;
+            }
             self.correct(laplacian, &inaccurate, cancelled)?;
             for j in inaccurate {
                 residuals[j] = self.relax(laplacian, j, bound);
@@ -242,8 +248,8 @@ impl Eigenbasis {
         Ok(())
     }
 
-    /// Takes `(W − sA)⁻¹r` off eigenfunctions with residuals `r`: what rounding in the iteration added of eigenfunctions far
-    /// above the shift, which residuals are mostly made of where needles make `W` large, is taken off entirely.
+    /// Takes what `(W − sA)⁻¹r` has beyond all eigenfunctions off those with residuals `r`: what rounding in the iteration
+    /// added of eigenfunctions far above the shift, which residuals are mostly made of where needles make `W` large.
     fn correct(
         &mut self,
         laplacian: &Laplacian,
@@ -254,15 +260,27 @@ impl Eigenbasis {
         let factor = lowest_factor(&pattern, laplacian, self.values.len() - 1, cancelled)?;
         let ordering = pattern.ordering();
         let mut defects = vec![[0.0]; laplacian.len()];
-        for &j in inaccurate {
+        let mut excess = Mat::zeros(laplacian.len(), inaccurate.len());
+        for (&j, column) in inaccurate.iter().zip(excess.col_iter_mut()) {
             if cancelled() {
                 return Err(Error::Cancelled);
             }
             self.measure(laplacian, j, &mut defects);
-            let mut excess: Vec<[f64; 1]> = ordering.iter().map(|&v| defects[v as usize]).collect();
-            factor.solve(&mut excess);
-            for (&v, [excess]) in ordering.iter().zip(excess) {
-                self.functions[(v as usize, j)] -= excess;
+            let mut solved: Vec<[f64; 1]> = ordering.iter().map(|&v| defects[v as usize]).collect();
+            factor.solve(&mut solved);
+            let mut column = column;
+            for (&v, [x]) in ordering.iter().zip(solved) {
+                column[v as usize] = x;
+            }
+        }
+        let weighted = Mat::from_fn(excess.nrows(), excess.ncols(), |i, j| {
+            laplacian.mass[i] * excess[(i, j)]
+        });
+        let known = dense::product(self.functions.transpose(), weighted.as_ref());
+        dense::add_product(excess.as_mut(), self.functions.as_ref(), (-known).as_ref());
+        for (&j, excess) in inaccurate.iter().zip(excess.col_iter()) {
+            for (value, x) in self.functions.col_mut(j).iter_mut().zip(excess.iter()) {
+                *value -= x;
             }
         }
         Ok(())
