@@ -118,14 +118,17 @@ impl<'a> RigidSurface<'a> {
                 .par_iter()
                 .map(|&i| {
                     let i = i as usize;
-                    let drawn = vector::scaled(places[i], areas[i]);
-                    let [x, y, z] = edges.row(i).fold(drawn, |sum, (j, w)| {
-                        let edge = vector::sub(self.rest[i], self.rest[j as usize]);
-                        let here = turned(&self.rotations[i], edge);
-                        let there = turned(&self.rotations[j as usize], edge);
-                        let both = vector::add(here, there);
-                        vector::add(sum, vector::scaled(both, 0.5 * RIGIDITY * w))
-                    });
+                    // Σ ½μw (Rᵢ + Rⱼ)(pᵢ − pⱼ), Rᵢ taken out.
+                    let (mut own, mut others) = ([0.0; 3], [0.0; 3]);
+                    for (j, w) in edges.row(i) {
+                        let j = j as usize;
+                        let edge = vector::scaled(vector::sub(self.rest[i], self.rest[j]), w);
+                        own = vector::add(own, edge);
+                        others = vector::add(others, turned(&self.rotations[j], edge));
+                    }
+                    let held = vector::add(turned(&self.rotations[i], own), others);
+                    let held = vector::scaled(held, 0.5 * RIGIDITY);
+                    let [x, y, z] = vector::add(vector::scaled(places[i], areas[i]), held);
                     [x, y, z, 0.0]
                 })
                 .collect();

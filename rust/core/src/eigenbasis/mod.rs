@@ -195,11 +195,10 @@ impl Eigenbasis {
     ) -> Result<()> {
         let k = self.values.len();
         let bound = RESIDUAL_BOUND * self.values.last().copied().unwrap_or(0.0);
-        let no_defects = || vec![[0.0; MEASURED_AT_ONCE]; laplacian.len()];
         let passes: Vec<usize> = (0..k).step_by(MEASURED_AT_ONCE).collect();
         let measured: Vec<[f64; MEASURED_AT_ONCE]> = passes
             .into_par_iter()
-            .map_init(no_defects, |defects, first| {
+            .map(|first| {
                 if cancelled() {
                     return Err(Error::Cancelled);
                 }
@@ -210,7 +209,7 @@ impl Eigenbasis {
                 let functions = interleaved(&self.functions, pairs);
                 Ok(vectorised(
                     #[inline(always)]
-                    || residuals(laplacian, values, &functions, defects),
+                    || residuals(laplacian, values, &functions, |_, _| {}),
                 ))
             })
             .collect::<Result<_>>()?;
@@ -325,7 +324,8 @@ impl Eigenbasis {
     /// `Wφ − λAφ` of pair `j` into `defects`, `(n)`; returns its norm.
     fn measure(&self, laplacian: &Laplacian, j: usize, defects: &mut [[f64; 1]]) -> f64 {
         let function = interleaved(&self.functions, [j]);
-        let [residual] = residuals(laplacian, [self.values[j]], &function, defects);
+        let note = |i: usize, defect: [f64; 1]| defects[i] = defect;
+        let [residual] = residuals(laplacian, [self.values[j]], &function, note);
         residual
     }
 }
@@ -360,28 +360,28 @@ fn lowest_factor<'a>(
     Slice::lowest(pairs).factor(pattern, spacing, cancelled)
 }
 
-/// `Wφ − λAφ` of some pairs into the columns of `defects`, `(n, C)`, and their norms: `√(rᵀA⁻¹r)`.
+/// Norms of `Wφ − λAφ` of some pairs, `√(rᵀA⁻¹r)`; `note` is told them vertex by vertex.
 #[inline(always)]
 fn residuals<const C: usize>(
     laplacian: &Laplacian,
     values: [f64; C],
     functions: &[[f64; C]],
-    defects: &mut [[f64; C]],
+    mut note: impl FnMut(usize, [f64; C]),
 ) -> [f64; C] {
     let mut squares = [0.0; C];
     for (i, row) in laplacian.stiffness.outer_iterator().enumerate() {
-        let mut products = [0.0; C];
+        let mut defect = [0.0; C];
         for (c, w) in row.iter() {
-            for (product, value) in products.iter_mut().zip(functions[c]) {
-                *product += w * value;
+            for (defect, value) in defect.iter_mut().zip(functions[c]) {
+                *defect += w * value;
             }
         }
         let mass = laplacian.mass[i];
         for lane in 0..C {
-            let defect = products[lane] - values[lane] * mass * functions[i][lane];
-            squares[lane] += defect * defect / mass;
-            defects[i][lane] = defect;
+            defect[lane] -= values[lane] * mass * functions[i][lane];
+            squares[lane] += defect[lane] * defect[lane] / mass;
         }
+        note(i, defect);
     }
     squares.map(f64::sqrt)
 }
