@@ -17,6 +17,7 @@ use crate::geodesics::{self, FastMarching};
 use crate::mesh::{Adjacency, Mesh};
 use crate::metric::{Measured, Metric};
 use crate::nearest::Cells;
+use crate::orientation::{self, TangentGradients};
 use crate::progress::{Check, Progress};
 use crate::protrusions::Protrusions;
 use crate::rims;
@@ -44,6 +45,8 @@ pub const REFINED_BELOW: usize = 2_000;
 pub const REFINED: usize = 3_000;
 /// Vertices of such a mesh for each given one, at most.
 pub const REFINED_TIMES: usize = 4;
+/// Eigenfunctions of the paper's map at most.
+const PAPER_SIZE: usize = 30;
 /// Nodes of maps that are affine on each part, some ten on a limb; with 200 and 500 errors change by up to 7 %.
 const NODES: usize = 300;
 /// Vertices for each eigenpair at least: beyond, eigenfunctions show the mesh, not the surface.
@@ -104,6 +107,8 @@ pub struct Shape {
     rigidity: OnceLock<Rigidity>,
     deformation_graph: OnceLock<DeformationGraph>,
     protrusions: OnceLock<Protrusions>,
+    judged_gradients: OnceLock<Arc<TangentGradients>>,
+    paper_operator: OnceLock<Mat<f64>>,
 }
 
 impl Shape {
@@ -280,6 +285,8 @@ impl Shape {
             rigidity: OnceLock::new(),
             deformation_graph: OnceLock::new(),
             protrusions: OnceLock::new(),
+            judged_gradients: OnceLock::new(),
+            paper_operator: OnceLock::new(),
         })
     }
 
@@ -362,19 +369,60 @@ impl Shape {
             .get_or_init(|| Protrusions::new(self.fields.as_ref(), &self.mass, &self.neighbours))
     }
 
+    /// Gradients at the samples on which maps are judged; found when first asked for.
+    pub fn judged_gradients(&self) -> &Arc<TangentGradients> {
+        self.judged_gradients.get_or_init(|| {
+            let samples = self.farthest_points(JUDGED);
+            Arc::new(TangentGradients::new(self, samples, orientation::FUNCTIONS))
+        })
+    }
+
+    /// Eigenfunctions of the paper's method at most.
+    #[must_use]
+    pub fn paper_size(&self) -> usize {
+        PAPER_SIZE.min(self.distance_operator.nrows())
+    }
+
+    /// Distance operator of the paper's method, `(k, k)`, from the distances between samples alone; that of
+    /// [all](Self::paper_size) its eigenfunctions is kept.
+    ///
+    /// # Errors
+    /// [`Error::NotFactorised`].
+    pub fn paper_operator(&self, k: usize) -> Result<Mat<f64>> {
+        let found = || {
+            let between = self.between_marched();
+            let distances = Mat::from_fn(between.nrows(), between.ncols(), |i, j| {
+                f64::from(between[(i, j)])
+            });
+            distance_operator::from_samples(
+                dense::gather_rows(self.basis.functions.as_ref(), self.marched(), k).as_ref(),
+                &self.basis.values[..k],
+                distances.as_ref(),
+                distance_operator::DATA_PENALTY,
+            )
+        };
+        if k == self.paper_size() {
+            known_or_found(&self.paper_operator, found).cloned()
+        } else {
+            found()
+        }
+    }
+
     /// Finds what is otherwise found when first asked for.
     ///
     /// # Errors
     /// [`Error::NotFactorised`].
     pub fn complete(&self) -> Result<()> {
-        let (rigidity, graph) = rayon::join(
+        let (rigidity, others) = rayon::join(
             || self.rigidity(),
             || {
                 self.protrusions();
+                self.judged_gradients();
+                self.paper_operator(self.paper_size())?;
                 self.deformation_graph()
             },
         );
-        rigidity.and(graph).map(|_| ())
+        rigidity.and(others).map(|_| ())
     }
 
     /// The checked mesh in the given resolution.
@@ -578,6 +626,8 @@ pub struct PublicArrays {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use crate::testing::{RINGS, torus};
 
     #[test]
@@ -591,5 +641,20 @@ mod tests {
             graph,
             shape.deformation_graph().expect("known")
         ));
+        let gradients = Arc::as_ptr(shape.judged_gradients());
+        assert!(std::ptr::eq(
+            gradients,
+            Arc::as_ptr(shape.judged_gradients())
+        ));
+    }
+
+    #[test]
+    fn an_operator_of_the_paper_with_fewer_eigenfunctions_is_not_the_kept_one() {
+        let shape = torus(RINGS);
+        let sizes = [shape.paper_size(), shape.paper_size() / 2];
+        for k in [sizes[0], sizes[1], sizes[0]] {
+            let found = shape.paper_operator(k).expect("regular");
+            assert_eq!(found.shape(), (k, k));
+        }
     }
 }

@@ -11,7 +11,8 @@
 use std::cmp::Reverse;
 use std::ops::Range;
 
-use crate::dense::vectorised;
+use pulp::{Arch, Simd, WithSimd};
+
 use crate::error::{Error, Result};
 
 /// Unknowns of a node.
@@ -130,15 +131,12 @@ impl BlockEquations {
     pub fn solve(&self, add: impl Fn(usize, &mut Section) + Sync) -> Result<Vec<Unknowns>> {
         let [_, second, last] = &self.parts;
         let eliminated = |part: usize, own: Window, last: Window| -> Result<Section> {
-            let mut section = Section { own, last };
-            vectorised(
-                #[inline(always)]
-                || {
-                    add(part, &mut section);
-                    self.eliminate(&self.parts[part], &mut section)
-                },
-            )?;
-            Ok(section)
+            Arch::new().dispatch(Elimination {
+                equations: self,
+                part,
+                section: Section { own, last },
+                add: &add,
+            })
         };
         let half =
             |part: usize| eliminated(part, self.window(&self.parts[part]), self.window(last));
@@ -152,10 +150,12 @@ impl BlockEquations {
         let (halves, found_last) = found.split_at_mut(last.start);
         let (found_first, found_second) = halves.split_at_mut(second.start);
         let back = |window: &Window, found: &mut [Unknowns], after: &[Unknowns]| {
-            vectorised(
-                #[inline(always)]
-                || self.substitute_back(window, found, after),
-            );
+            Arch::new().dispatch(BackSubstitution {
+                equations: self,
+                window,
+                found,
+                after,
+            });
         };
         back(&both, found_last, &[]);
         rayon::join(
@@ -178,7 +178,11 @@ impl BlockEquations {
 
     /// U and `U⁻ᵀ` times the right side of a part, and what is left for the last one.
     #[inline(always)]
-    fn eliminate(&self, part: &Range<usize>, section: &mut Section) -> Result<()> {
+    fn eliminate<const FUSED: bool>(
+        &self,
+        part: &Range<usize>,
+        section: &mut Section,
+    ) -> Result<()> {
         let Section { own, last } = section;
         let base = own.first_block;
         let group_of = |node: usize| self.groups.partition_point(|&first| first < node);
@@ -190,16 +194,16 @@ impl BlockEquations {
                 let Some((diagonal, row)) = before[from..].split_first_mut() else {
                     continue;
                 };
-                if !cholesky(diagonal) {
+                if !cholesky::<FUSED>(diagonal) {
                     return Err(Error::NotFactorised {
                         reason: format!("a pivot of node {node} is not positive"),
                     });
                 }
                 let mut right = own.right[node - part.start].map(|x| [x]);
-                substitute_forward(diagonal, &mut right);
+                substitute_forward::<_, FUSED>(diagonal, &mut right);
                 own.right[node - part.start] = right.map(|[x]| x);
                 for (block, &column) in row.iter_mut().zip(&self.columns[base + from + 1..]) {
-                    substitute_forward(diagonal, block);
+                    substitute_forward::<_, FUSED>(diagonal, block);
                     let column = column as usize;
                     let later = if column < part.end {
                         &mut own.right[column - part.start]
@@ -207,16 +211,14 @@ impl BlockEquations {
                         &mut last.right[column - last.first_node]
                     };
                     for ([x], line) in right.iter().zip(block.iter()) {
-                        for (rest, u) in later.iter_mut().zip(line) {
-                            *rest -= u * x;
-                        }
+                        subtract::<_, FUSED>(later, *x, line);
                     }
                 }
                 // The rest of the group has the same columns from its own on.
                 let mut at = 0;
                 for i in 0..nodes.end - node - 1 {
                     for other in &row[i..] {
-                        subtract_products(&mut later[at], &[(&row[i], other)].into_iter());
+                        subtract_products::<FUSED>(&mut later[at], &[(&row[i], other)].into_iter());
                         at += 1;
                     }
                 }
@@ -237,7 +239,7 @@ impl BlockEquations {
                         &mut last.blocks[at - last.first_block]
                     };
                     let rows = nodes.clone().map(|node| (&below(node)[i], &below(node)[j]));
-                    subtract_products(block, &rows);
+                    subtract_products::<FUSED>(block, &rows);
                 }
             }
         }
@@ -246,12 +248,18 @@ impl BlockEquations {
 
     /// The solution at the nodes of a window, given that at the last ones after them.
     #[inline(always)]
-    fn substitute_back(&self, window: &Window, found: &mut [Unknowns], after: &[Unknowns]) {
+    fn substitute_back<const FUSED: bool>(
+        &self,
+        window: &Window,
+        found: &mut [Unknowns],
+        after: &[Unknowns],
+    ) {
         let (first, base) = (window.first_node, window.first_block);
         let last = self.parts[PARTS - 1].start;
         for i in (0..found.len()).rev() {
             let row = self.starts[first + i]..self.starts[first + i + 1];
-            let mut own = window.right[i];
+            // Column by column, so that the products of a row do not wait for one another.
+            let mut known = [[0.0; UNKNOWNS]; UNKNOWNS];
             for at in row.clone().skip(1) {
                 let column = self.columns[at] as usize;
                 let later = if column < first + found.len() {
@@ -259,16 +267,80 @@ impl BlockEquations {
                 } else {
                     &after[column - last]
                 };
-                for (rest, line) in own.iter_mut().zip(&window.blocks[at - base]) {
-                    *rest -= dot(line, later);
+                for (known, line) in known.iter_mut().zip(&window.blocks[at - base]) {
+                    for ((sum, u), x) in known.iter_mut().zip(line).zip(later) {
+                        *sum = multiplied_and_added::<FUSED>(*u, *x, *sum);
+                    }
                 }
+            }
+            let mut own = window.right[i];
+            for (rest, known) in own.iter_mut().zip(&known) {
+                *rest -= known.iter().sum::<f64>();
             }
             let diagonal = &window.blocks[row.start - base];
             for m in (0..UNKNOWNS).rev() {
-                let known = dot(&diagonal[m][m + 1..], &own[m + 1..]);
+                let later = diagonal[m][m + 1..].iter().zip(&own[m + 1..]);
+                let known: f64 = later.map(|(u, x)| u * x).sum();
                 own[m] = (own[m] - known) / diagonal[m][m];
             }
             found[i] = own;
+        }
+    }
+}
+
+/// Equations of a part, added and eliminated.
+struct Elimination<'a, F> {
+    equations: &'a BlockEquations,
+    part: usize,
+    section: Section,
+    add: &'a F,
+}
+
+impl<F: Fn(usize, &mut Section)> WithSimd for Elimination<'_, F> {
+    type Output = Result<Section>;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> Self::Output {
+        let Self {
+            equations,
+            part,
+            mut section,
+            add,
+        } = self;
+        add(part, &mut section);
+        let nodes = &equations.parts[part];
+        if S::IS_SCALAR {
+            equations.eliminate::<false>(nodes, &mut section)?;
+        } else {
+            equations.eliminate::<true>(nodes, &mut section)?;
+        }
+        Ok(section)
+    }
+}
+
+/// [`BlockEquations::substitute_back`] in vector registers.
+struct BackSubstitution<'a> {
+    equations: &'a BlockEquations,
+    window: &'a Window,
+    found: &'a mut [Unknowns],
+    after: &'a [Unknowns],
+}
+
+impl WithSimd for BackSubstitution<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) {
+        let Self {
+            equations,
+            window,
+            found,
+            after,
+        } = self;
+        if S::IS_SCALAR {
+            equations.substitute_back::<false>(window, found, after);
+        } else {
+            equations.substitute_back::<true>(window, found, after);
         }
     }
 }
@@ -360,14 +432,27 @@ impl Window {
     }
 }
 
+/// a·b + c: in one operation where registers have it, elsewhere that would be slow.
 #[inline(always)]
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(x, y)| x * y).sum()
+fn multiplied_and_added<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
+    if FUSED { a.mul_add(b, c) } else { a * b + c }
+}
+
+/// Subtracts some times a row.
+#[inline(always)]
+fn subtract<const COLUMNS: usize, const FUSED: bool>(
+    from: &mut [f64; COLUMNS],
+    times: f64,
+    row: &[f64; COLUMNS],
+) {
+    for (entry, x) in from.iter_mut().zip(row) {
+        *entry = multiplied_and_added::<FUSED>(-times, *x, *entry);
+    }
 }
 
 /// U of `UᵀU`, above and on the diagonal; whether there is one.
 #[inline(always)]
-fn cholesky(block: &mut Block) -> bool {
+fn cholesky<const FUSED: bool>(block: &mut Block) -> bool {
     for m in 0..UNKNOWNS {
         let pivot = block[m][m];
         if pivot <= 0.0 || pivot.is_nan() {
@@ -378,55 +463,50 @@ fn cholesky(block: &mut Block) -> bool {
             *entry *= scale;
         }
         let line = block[m];
-        for (r, row) in block.iter_mut().enumerate().skip(m + 1) {
-            for (entry, u) in row.iter_mut().zip(&line).skip(r) {
-                *entry -= line[r] * u;
-            }
+        // What this leaves below the diagonal is not read.
+        for r in m + 1..UNKNOWNS {
+            subtract::<_, FUSED>(&mut block[r], line[r], &line);
         }
     }
     true
 }
 
-/// X of `UᵀX` = B in place of B, of any number of columns.
+/// X of `UᵀX` = B in place of B, of any number of columns: row by row, each in registers until it is done.
 #[inline(always)]
-fn substitute_forward<const COLUMNS: usize>(u: &Block, right: &mut [[f64; COLUMNS]; UNKNOWNS]) {
+fn substitute_forward<const COLUMNS: usize, const FUSED: bool>(
+    u: &Block,
+    right: &mut [[f64; COLUMNS]; UNKNOWNS],
+) {
     for m in 0..UNKNOWNS {
+        let mut row = right[m];
+        for before in 0..m {
+            subtract::<_, FUSED>(&mut row, u[before][m], &right[before]);
+        }
         let scale = 1.0 / u[m][m];
-        for entry in &mut right[m] {
-            *entry *= scale;
+        for x in &mut row {
+            *x *= scale;
         }
-        let line = right[m];
-        for (row, factor) in right.iter_mut().zip(&u[m]).skip(m + 1) {
-            for (entry, x) in row.iter_mut().zip(&line) {
-                *entry -= factor * x;
-            }
-        }
+        right[m] = row;
     }
 }
 
 /// Subtracts the sum of `AᵀB`.
 #[inline(always)]
-fn subtract_products<'a>(
+fn subtract_products<'a, const FUSED: bool>(
     block: &mut Block,
     factors: &(impl Iterator<Item = (&'a Block, &'a Block)> + Clone),
 ) {
     for (first, rows) in block.chunks_exact_mut(ROWS_AT_ONCE).enumerate() {
-        let mut sums = [[0.0; UNKNOWNS]; ROWS_AT_ONCE];
+        let mut left = [[0.0; UNKNOWNS]; ROWS_AT_ONCE];
+        left.copy_from_slice(rows);
         for (a, b) in factors.clone() {
             for (a, line) in a.iter().zip(b) {
-                for (r, sums) in sums.iter_mut().enumerate() {
-                    let factor = a[ROWS_AT_ONCE * first + r];
-                    for (sum, x) in sums.iter_mut().zip(line) {
-                        *sum += factor * x;
-                    }
+                for (r, left) in left.iter_mut().enumerate() {
+                    subtract::<_, FUSED>(left, a[ROWS_AT_ONCE * first + r], line);
                 }
             }
         }
-        for (row, sums) in rows.iter_mut().zip(&sums) {
-            for (entry, sum) in row.iter_mut().zip(sums) {
-                *entry -= sum;
-            }
-        }
+        rows.copy_from_slice(&left);
     }
 }
 

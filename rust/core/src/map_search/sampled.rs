@@ -1,9 +1,11 @@
 //! One shape's samples, and what it costs to answer on them.
 
+use std::borrow::Cow;
+use std::sync::Arc;
+
 use faer::Mat;
 
 use crate::dense::{self, LANES, squared_distance, vectorised};
-use crate::distance_operator;
 use crate::hints::Which;
 use crate::orientation::{FUNCTIONS, TangentGradients};
 use crate::pair::{Pair, Part};
@@ -78,7 +80,7 @@ pub(super) struct Sampled {
     pub(super) fixed: Mat<f32>,
     /// Mismatch of the descriptors as judged, same shape.
     mismatch: Mat<f32>,
-    pub(super) gradients: TangentGradients,
+    pub(super) gradients: Arc<TangentGradients>,
     pub(super) asking: usize,
 }
 
@@ -101,11 +103,12 @@ impl Sampled {
             samples,
             own.distance_operator.nrows(),
         );
-        let distances = distance_operator::between(
-            own.distance_operator.as_ref(),
-            basis.as_ref(),
-            basis.as_ref(),
-        );
+        let is_judged = samples.len() == own.between_judged.nrows();
+        let distances = if is_judged {
+            Cow::Borrowed(&own.between_judged)
+        } else {
+            Cow::Owned(own.spectral_distances(samples, samples))
+        };
         let waves = mine.dims - 1;
         let mut to_waves = vec![0.0; mine.count()];
         let mut fixed = Mat::zeros(mine.count(), theirs.count());
@@ -157,7 +160,11 @@ impl Sampled {
             basis,
             fixed,
             mismatch,
-            gradients: TangentGradients::new(own, samples, FUNCTIONS),
+            gradients: if is_judged {
+                Arc::clone(own.judged_gradients())
+            } else {
+                Arc::new(TangentGradients::new(own, samples, FUNCTIONS))
+            },
             asking: own.farthest_points(width.asking).len(),
         }
     }

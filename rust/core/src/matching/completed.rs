@@ -40,18 +40,24 @@ impl Completed<'_> {
         let (asking, answering) = (self.state.target(), self.state.source());
         let gaps = self.state.gaps();
         let misfit: Vec<(f64, f64)> = self.distortion.iter().copied().zip(gaps).collect();
-        let mut found = dense_map(
-            pair.source,
-            pair.target,
-            (&asking.rows, &asking.images.vertex),
-            (&answering.rows, &answering.images.vertex),
-            &misfit,
-            &pair.hints.landmarks,
-            progress,
-        )?;
+        let (torn, found) = rayon::join(
+            || torn(pair, &self.images),
+            || {
+                dense_map(
+                    pair.source,
+                    pair.target,
+                    (&asking.rows, &asking.images.vertex),
+                    (&answering.rows, &answering.images.vertex),
+                    &misfit,
+                    &pair.hints.landmarks,
+                    progress,
+                )
+            },
+        );
+        let mut found = found?;
         found.figures = Some(Figures {
             agreement: self.figures.agreement,
-            torn: torn(pair, &self.images),
+            torn,
             ..hypothesis.figures
         });
         found.shares = hypothesis.shares;

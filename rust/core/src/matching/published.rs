@@ -6,16 +6,11 @@ use super::Correspondence;
 use super::correspondence::dense_map;
 use crate::baselines::{Convergence, Embedding};
 use crate::confidence::local_distortion;
-use crate::dense;
-use crate::distance_operator;
 use crate::error::Result;
 use crate::map_search;
 use crate::progress::Progress;
 use crate::shape::Shape;
 use crate::spectral_gmds::{self, Objective, Weights};
-
-/// Eigenfunctions of the paper's map.
-const PAPER_SIZE: usize = 30;
 
 /// S-GMDS from an automatic start.
 pub(super) fn by_paper(
@@ -86,22 +81,8 @@ pub(super) fn embedded(
 
 /// α₁, α₂ of the paper's method, both `(k, k)`.
 fn paper_operators(source: &Shape, target: &Shape) -> Result<(Mat<f64>, Mat<f64>)> {
-    let size = |s: &Shape| PAPER_SIZE.min(s.distance_operator.nrows());
-    let k = size(source).min(size(target));
-    let operator = |s: &Shape| {
-        let m = s.marched();
-        let distances = Mat::from_fn(m.len(), m.len(), |i, j| {
-            let d = |a: usize, b: usize| f64::from(s.fields[(m[a] as usize, b)]);
-            f64::midpoint(d(i, j), d(j, i))
-        });
-        distance_operator::from_samples(
-            dense::gather_rows(s.basis.functions.as_ref(), m, k).as_ref(),
-            &s.basis.values[..k],
-            distances.as_ref(),
-            distance_operator::DATA_PENALTY,
-        )
-    };
-    Ok((operator(target)?, operator(source)?))
+    let k = source.paper_size().min(target.paper_size());
+    Ok((target.paper_operator(k)?, source.paper_operator(k)?))
 }
 
 fn paper_objective<'a>(

@@ -307,12 +307,20 @@ impl<'a> Side<'a> {
         self.shape.basis.values.len()
     }
 
+    /// Low-passes the surface to `k` eigenfunctions; those of before are added to.
     pub(super) fn low_pass(&mut self, k: usize) {
         let k = k.min(self.most());
-        if self.low_passed_to != k {
-            self.smoothed = dense::product(self.basis(k), self.coordinates.get(..k, ..));
-            self.low_passed_to = k;
+        if k < self.low_passed_to || self.low_passed_to == 0 {
+            self.smoothed = Mat::zeros(self.shape.mesh.vertices.len(), 3);
+            self.low_passed_to = 0;
         }
+        let more = self.low_passed_to..k;
+        dense::add_product(
+            self.smoothed.as_mut(),
+            self.shape.basis.functions.get(.., more.clone()),
+            self.coordinates.get(more, ..),
+        );
+        self.low_passed_to = k;
     }
 
     /// Turns, scales and moves the surface that is low-passed.
@@ -467,6 +475,29 @@ mod tests {
     use crate::hints::Hints;
     use crate::pair::Shares;
     use crate::testing::{self, RINGS, torus};
+
+    #[test]
+    fn low_passing_to_more_adds_to_what_is_there() {
+        let shape = torus(RINGS);
+        let hints = Hints::default();
+        let pair = testing::pair(&shape, &shape, Shares::BOTH, &hints);
+        let smoothed_to = |sizes: &[usize]| {
+            let mut side = Side::new(&pair, Which::Target, None);
+            for &k in sizes {
+                side.low_pass(k);
+            }
+            side.smoothed
+        };
+        let at_once = smoothed_to(&[60]);
+        for sizes in [&[20, 60][..], &[20, 60, 60], &[80, 60]] {
+            // Rounding of sums of 60 numbers below 1, in another order.
+            assert!(
+                (smoothed_to(sizes) - &at_once).norm_max() < 1e-14,
+                "{sizes:?}"
+            );
+        }
+        assert!((smoothed_to(&[20]) - &at_once).norm_max() > 1e-3);
+    }
 
     #[test]
     fn some_vertices_ask_for_all_and_lead_to_the_images_of_all() {

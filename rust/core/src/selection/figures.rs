@@ -1,5 +1,7 @@
 //! Figures by which a whole map is judged, from the images of some samples.
 
+use std::sync::Arc;
+
 use faer::{Mat, MatRef, Scale};
 
 use crate::descriptors::{DETAIL_CURVATURES, Descriptors, HEAT_TIMES};
@@ -88,9 +90,16 @@ pub(super) fn orientation_of(
     } else {
         FUNCTIONS
     };
+    let gradients = |shape: &Shape, vertices: &[u32]| {
+        if vertices == judging(shape) && functions == FUNCTIONS {
+            Arc::clone(shape.judged_gradients())
+        } else {
+            Arc::new(TangentGradients::new(shape, vertices, functions))
+        }
+    };
     let (on_target, on_source) = rayon::join(
-        || TangentGradients::new(pair.target, here, functions),
-        || TangentGradients::new(pair.source, there, functions),
+        || gradients(pair.target, here),
+        || gradients(pair.source, there),
     );
     orientation(
         &on_target,

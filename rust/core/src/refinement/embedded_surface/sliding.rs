@@ -119,7 +119,7 @@ impl Refined<'_> {
             projected(&self.moving.rows, &triangles, images, check)
         } else {
             let at_vertex = |&image: &u32| SurfacePoint::at_vertex(still, image);
-            Ok(images.iter().map(at_vertex).collect())
+            Ok(images.par_iter().map(at_vertex).collect())
         }
     }
 }
