@@ -1,6 +1,7 @@
 //! Block Lanczos for the eigenpairs of `M = A^{1/2}(W − sA)⁻¹A^{1/2}` far from zero.
 
 use std::mem::swap;
+use std::ops::Range;
 
 use faer::Accum;
 use faer::prelude::*;
@@ -9,8 +10,8 @@ use super::ROWS_A_PIECE;
 use super::block::{BLOCK, Block};
 use super::noise::noise;
 use super::orthogonal::{eigen, least_pivot, orthonormalise, remove};
-use super::shifted_factor::ShiftedFactor;
-use super::slices::Slice;
+use super::shifted_factor::{Pattern, ShiftedFactor};
+use super::slices::{Slice, gaps};
 use crate::dense::multiply;
 use crate::error::{Error, Result};
 
@@ -22,9 +23,6 @@ const BLOCKS_TOGETHER: usize = 2;
 /// eight); with the shift moved towards an eigenvalue, pairs of blocks leave `ΦᵀAΦ = I` to 3e-14 at 5e4, to 1e-11 at
 /// 5e5, and fail at 5e7.
 const MOST_GROWTH: f64 = 1e5;
-
-/// Eigenvalues farther apart than this, relatively, are told apart by a factor whose shift lies between them.
-const GAP: f64 = 1e-6;
 
 /// Gaps between the eigenvalues wanted and the rest at which a factor is tried.
 const GAPS_TRIED: usize = 4;
@@ -42,8 +40,25 @@ pub(super) struct RitzPairs {
     pub(super) values: Vec<f64>,
     /// Unit eigenvectors, `(n, wanted)`, in the factor's ordering.
     pub(super) vectors: Mat<f64>,
+    /// Where a factor tells whether any is missed, from the nearest on.
+    pub(super) beyond: Vec<Place>,
     /// Linear systems solved.
     pub(super) solves: usize,
+}
+
+/// A place in the spectrum, in a gap.
+pub(super) struct Place {
+    shift: f64,
+    /// Eigenvalues below it, zero among them, if none was missed.
+    below: usize,
+}
+
+/// Whether a factor at the first of some places that has an accurate one counts as many below.
+pub(super) fn none_missed(places: &[Place], pattern: &Pattern<'_>) -> bool {
+    places
+        .iter()
+        .find_map(|place| Some((place, pattern.factor(place.shift)?)))
+        .is_some_and(|(place, factor)| factor.eigenvalues_below() == place.below)
 }
 
 /// At least `count` solves with a factor of `n` rows, in the blocks of the iteration.
@@ -125,7 +140,6 @@ impl<'a> BlockLanczos<'a> {
         bound: f64,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<RitzPairs> {
-        let wanted = slice.count();
         // The deflated constant is below the shift as well.
         let below = (self.factor.eigenvalues_below().saturating_sub(1)).min(slice.end);
         let shift = self.factor.shift();
@@ -146,34 +160,53 @@ impl<'a> BlockLanczos<'a> {
             }
             let (values, vectors) = eigen(self.projected.submatrix(0, 0, m, m))?;
             let found = spectrum_order(&values, shift);
+            let lambda = |&i: &usize| shift + 1.0 / values[i];
+            let spectrum: Vec<f64> = found.iter().map(lambda).collect();
             let found_below = found.iter().filter(|&&i| values[i] < 0.0).count();
             // Those below the shift are counted from it downwards.
-            let first = (found_below + slice.first).saturating_sub(below);
-            let order = &found[first.min(found.len())..(first + wanted).min(found.len())];
+            let number = |place: usize| (found_below + place).checked_sub(below);
+            let ends = number(slice.first).zip(number(slice.end));
+            let places = ends.and_then(|(first, end)| slice.within(&spectrum, [first, end]));
+            let Range { start: first, end } = places.unwrap_or_default();
+            let order = &found[first..end];
             let last = self.projected.submatrix(m, m - BLOCK, BLOCK, BLOCK);
             let tails = last
                 * Mat::from_fn(BLOCK, order.len(), |i, j| {
                     vectors[(m - BLOCK + i, order[j])]
                 });
-            let largest = order.last().map_or(0.0, |&i| shift + 1.0 / values[i]);
+            let largest = order.last().map_or(0.0, lambda);
             let errors: Vec<f64> = order
                 .iter()
                 .zip(tails.col_iter())
                 .map(|(&i, tail)| tail.norm_l2() / (bound * largest * values[i] * values[i]))
                 .collect();
             let worst = errors.iter().copied().fold(0.0, f64::max);
-            let lambda = |&i: &usize| shift + 1.0 / values[i];
-            if worst <= 1.0
-                && order.len() == wanted
-                && found_below + slice.first >= below
-                && self.none_missed(&found.iter().map(lambda).collect::<Vec<_>>(), first, slice)
-            {
-                return self.pairs(order, &values, vectors.as_ref(), tails.as_ref(), cancelled);
+            let beyond: Vec<Place> = gaps(&spectrum, end)
+                .take(GAPS_TRIED)
+                .map(|r| Place {
+                    shift: f64::midpoint(spectrum[r - 1], spectrum[r]),
+                    // The deflated constant is below as well.
+                    below: 1 + slice.end + r - end,
+                })
+                .collect();
+            let none_missed = || {
+                let starts_right = slice.first > 0 || first == 0;
+                starts_right && (!slice.is_whole() || none_missed(&beyond, self.factor.pattern()))
+            };
+            if end > first && worst <= 1.0 && none_missed() {
+                let (vectors, tails) = (vectors.as_ref(), tails.as_ref());
+                let (values, vectors) = self.pairs(order, &values, vectors, tails, cancelled)?;
+                return Ok(RitzPairs {
+                    values,
+                    vectors,
+                    beyond,
+                    solves: m,
+                });
             }
             if m >= most {
                 return Err(Error::NotConverged {
                     found: errors.iter().filter(|&&e| e <= 1.0).count(),
-                    wanted,
+                    wanted: slice.count(),
                     residual: worst * bound * largest,
                 });
             }
@@ -186,31 +219,6 @@ impl<'a> BlockLanczos<'a> {
             };
             check_at = m + BLOCK * blocks;
         }
-    }
-
-    /// Whether no eigenvalue of the slice is missed by Ritz values, ascending, of which those of the slice start at
-    /// `first`: a block of fewer vectors than an eigenvalue has copies finds the others late. An end that has no
-    /// place yet gets one in the first gap from there on.
-    fn none_missed(&self, found: &[f64], first: usize, slice: &Slice) -> bool {
-        let end = first + slice.count();
-        let below = |place: f64| found.partition_point(|&value| value < place);
-        if below(slice.from) != first {
-            return false;
-        }
-        if let Some(to) = slice.to {
-            return below(to) == end;
-        }
-        (end..found.len())
-            .filter(|&r| found[r] - found[r - 1] > GAP * found[r])
-            .take(GAPS_TRIED)
-            .find_map(|r| {
-                let factor = self
-                    .factor
-                    .with_shift(f64::midpoint(found[r - 1], found[r]))?;
-                // The deflated constant is below as well.
-                Some(factor.eigenvalues_below() == 1 + slice.end + r - end)
-            })
-            .unwrap_or(false)
     }
 
     /// One more block: multiply by `M`, orthogonalise, store.
@@ -288,7 +296,7 @@ impl<'a> BlockLanczos<'a> {
         self.settled = self.basis.ncols();
     }
 
-    /// Ritz vectors with one more step of `M` applied, `QS + Q₊BS₊/μ = MQS/μ`: the step costs
+    /// Eigenvalues, and Ritz vectors with one more step of `M` applied, `QS + Q₊BS₊/μ = MQS/μ`: the step costs
     /// nothing and damps what lies beyond the wanted spectrum.
     ///
     /// Ericsson, Ruhe, "The spectral transformation Lanczos method", 1980, section 3.
@@ -299,7 +307,7 @@ impl<'a> BlockLanczos<'a> {
         vectors: MatRef<'_, f64>,
         tails: MatRef<'_, f64>,
         cancelled: &(dyn Fn() -> bool + Sync),
-    ) -> Result<RitzPairs> {
+    ) -> Result<(Vec<f64>, Mat<f64>)> {
         let (n, m) = (self.basis.nrows(), self.size);
         let coefficients = Mat::from_fn(m + BLOCK, order.len(), |i, j| {
             if i < m {
@@ -329,14 +337,8 @@ impl<'a> BlockLanczos<'a> {
                 .copy_from(piece);
         }
         self.basis.truncate(n, order.len());
-        Ok(RitzPairs {
-            values: order
-                .iter()
-                .map(|&i| self.factor.shift() + 1.0 / values[i])
-                .collect(),
-            vectors: self.basis,
-            solves: m,
-        })
+        let lambda = |&i: &usize| self.factor.shift() + 1.0 / values[i];
+        Ok((order.iter().map(lambda).collect(), self.basis))
     }
 
     fn grow(&mut self) {

@@ -147,7 +147,14 @@ impl Eigenbasis {
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<()> {
         let k = self.values.len();
-        let pattern = Pattern::new(laplacian)?;
+        // Memory is touched meanwhile.
+        let (pattern, functions) = rayon::join(
+            || Pattern::new(laplacian),
+            || Mat::zeros(laplacian.len(), k),
+        );
+        let pattern = pattern?;
+        let constant = std::mem::replace(&mut self.functions, functions);
+        self.functions.col_mut(0).copy_from(constant.col(0));
         let bound = SAFETY * RESIDUAL_BOUND;
         let spectrum = Spectrum::new(&pattern, &laplacian.mass, bound, cancelled);
         let parts = spectrum.lowest(k - 1)?;
@@ -169,7 +176,6 @@ impl Eigenbasis {
             places[v as usize] = (i, 1.0 / root);
         }
         self.ordering = Some(pattern.ordering().to_vec());
-        self.functions.resize_with(places.len(), k, |_, _| 0.0);
         let functions = self.functions.col_iter_mut().skip(1);
         let vectors = parts.iter().flat_map(|part| part.vectors.col_iter());
         functions
@@ -260,14 +266,13 @@ impl Eigenbasis {
         let ordering = pattern.ordering();
         let mut defects = vec![[0.0]; laplacian.len()];
         let mut excess = Mat::zeros(laplacian.len(), inaccurate.len());
-        for (&j, column) in inaccurate.iter().zip(excess.col_iter_mut()) {
+        for (&j, mut column) in inaccurate.iter().zip(excess.col_iter_mut()) {
             if cancelled() {
                 return Err(Error::Cancelled);
             }
             self.measure(laplacian, j, &mut defects);
             let mut solved: Vec<[f64; 1]> = ordering.iter().map(|&v| defects[v as usize]).collect();
             factor.solve(&mut solved);
-            let mut column = column;
             for (&v, [x]) in ordering.iter().zip(solved) {
                 column[v as usize] = x;
             }

@@ -71,9 +71,9 @@ pub(super) struct ShiftedFactor<'a> {
 }
 
 impl ShiftedFactor<'_> {
-    /// The factor of the same matrices with another shift; none where [`Pattern::factor`] has none.
-    pub(super) fn with_shift(&self, shift: f64) -> Option<Self> {
-        self.pattern.factor(shift)
+    /// What it has in common with factors for other shifts.
+    pub(super) fn pattern(&self) -> &Pattern<'_> {
+        self.pattern
     }
 
     /// The shift `s`.

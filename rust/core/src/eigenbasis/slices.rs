@@ -5,14 +5,15 @@
 //!
 //! # Source
 //! Grimes, Lewis, Simon, "A shifted block Lanczos algorithm for solving sparse symmetric generalized eigenproblems",
-//! 1994. Where we part: the border between two slices is a shift whose factor counts what lies below, and what
-//! residuals leave between eigenvectors of two slices is removed.
+//! 1994. Where we part: no factor counts at the border of two slices. As many eigenvectors that are orthogonal to each
+//! other as one above all of them counts are all there are; what residuals leave between those of two slices is removed.
 
 use std::f64::consts::PI;
+use std::ops::Range;
 
 use faer::Col;
 
-use super::lanczos::{BlockLanczos, RitzPairs};
+use super::lanczos::{BlockLanczos, RitzPairs, none_missed};
 use super::orthogonal::{orthonormalise, remove};
 use super::shifted_factor::{Pattern, ShiftedFactor};
 use crate::error::{Error, Result};
@@ -25,7 +26,7 @@ const LEAST_SLICED: usize = 180;
 /// less than to look again.
 const LOWEST: [usize; 2] = [150, 50];
 /// The same for pairs from the midst of the spectrum.
-const INNER: [usize; 2] = [160, 96];
+const INNER: [usize; 2] = [160, 102];
 
 /// The shift lies where this fraction of the wanted eigenvalues is below it. Krylov spaces then find both ends equally
 /// late, at 5k vertices and k = 200 with 400 vectors instead of 600 for a shift below the spectrum.
@@ -47,22 +48,24 @@ const STEP_ASIDE: f64 = 0.97;
 const TOO_NEAR: f64 = 0.01;
 const ASIDE: f64 = 0.3;
 
+/// Eigenvalues farther apart than this, relatively, are told apart, by a factor whose shift lies between them.
+const GAP: f64 = 1e-6;
+
 /// Eigenvectors of two slices meet at the residual over the distance of their eigenvalues. Where that is more than
 /// this, removing it leaves those of one slice no longer orthogonal to each other, and they are made so again.
 const SMALL_OVERLAP: f64 = 1e-7;
-/// Where it is more than this, eigenvalues on both sides of the border were not told apart.
+/// Where it is more than this, both have the same eigenvector, or the border falls among copies of an eigenvalue.
 const MOST_OVERLAP: f64 = 1e-2;
 
-/// Consecutive eigenvalues; zero is not counted.
+/// Consecutive eigenvalues; zero is not counted. Two slices meet at the first gap from their border on, so that both mean the
+/// same.
 pub(super) struct Slice {
     /// Eigenvalues below the slice.
     pub(super) first: usize,
     /// Eigenvalues below its end.
     pub(super) end: usize,
-    /// Between the last eigenvalue below the slice and its first.
-    pub(super) from: f64,
-    /// Between its last eigenvalue and the next, where that is known.
-    pub(super) to: Option<f64>,
+    /// Whether another begins there.
+    pub(super) is_followed: bool,
 }
 
 impl Slice {
@@ -71,9 +74,32 @@ impl Slice {
         Self {
             first: 0,
             end: count,
-            from: 0.0,
-            to: None,
+            is_followed: false,
         }
+    }
+
+    /// Whether no other is below or above.
+    pub(super) fn is_whole(&self) -> bool {
+        self.first == 0 && !self.is_followed
+    }
+
+    /// Where it is in a spectrum of which its first eigenvalue and that after its last have these places; none where that
+    /// ends before.
+    pub(super) fn within(
+        &self,
+        spectrum: &[f64],
+        [first, end]: [usize; 2],
+    ) -> Option<Range<usize>> {
+        let first = match self.first {
+            0 => first,
+            _ => gaps(spectrum, first).next()?,
+        };
+        let end = if self.is_followed {
+            gaps(spectrum, end).next()?
+        } else {
+            end
+        };
+        (first < end && end <= spectrum.len()).then_some(first..end)
     }
 
     /// How many eigenvalues it has.
@@ -102,6 +128,12 @@ impl Slice {
         let target = self.first as f64 + below * self.count() as f64;
         factor_near(target, self.count(), pattern, spacing, cancelled)
     }
+}
+
+/// Places from one on whose eigenvalue is told apart from that before it.
+pub(super) fn gaps(spectrum: &[f64], from: usize) -> impl Iterator<Item = usize> {
+    let apart = |&place: &usize| spectrum[place] - spectrum[place - 1] > GAP * spectrum[place];
+    (from.max(1)..spectrum.len()).filter(apart)
 }
 
 /// What all slices have in common. Vertices are in the factors' ordering.
@@ -147,39 +179,51 @@ impl<'a> Spectrum<'a> {
                 Err(error) => return Err(error),
             }
         }
-        Ok(vec![self.pairs(&Slice::lowest(wanted), self.spacing)?])
+        Ok(vec![self.lowest_at_once(wanted)?])
+    }
+
+    fn lowest_at_once(&self, wanted: usize) -> Result<RitzPairs> {
+        let all = Slice::lowest(wanted);
+        self.pairs(&all, &self.factor(&all)?)
     }
 
     /// The same in two slices that need spaces of equal sizes; none where they cannot be told apart.
     fn lowest_in_slices(&self, wanted: usize) -> Result<Option<Vec<RitzPairs>>> {
         let [[low, least_low], [inner, least_inner]] = [LOWEST, INNER];
-        let target = (100 * (least_inner - least_low) + inner * wanted) / (low + inner);
-        let factor = factor_near(
-            target as f64,
-            target,
-            self.pattern,
-            self.spacing,
-            self.cancelled,
-        )?;
-        let (border, below) = (factor.shift(), factor.eigenvalues_below().saturating_sub(1));
-        if !(1..wanted).contains(&below) {
-            return Ok(None);
-        }
-        let lower = Slice {
-            to: Some(border),
-            ..Slice::lowest(below)
+        let border = (100 * (least_inner - least_low) + inner * wanted) / (low + inner);
+        let lower = |border: usize| Slice {
+            is_followed: true,
+            ..Slice::lowest(border)
         };
-        let upper = Slice {
-            first: below,
-            from: border,
+        let upper = |border: usize| Slice {
+            first: border,
             ..Slice::lowest(wanted)
         };
-        let spacing = border / below as f64;
-        let (lower, upper) = rayon::join(
-            || self.pairs(&lower, spacing),
-            || self.pairs(&upper, spacing),
+        let (low, high) = rayon::join(
+            || self.factor(&lower(border)),
+            || self.factor(&upper(border)),
         );
-        let (lower, mut upper) = (lower?, upper?);
+        let (low, high) = (low?, high?);
+        // Where it suits the shifts: the mean of what either would have.
+        let [below_low, below_high] =
+            [&low, &high].map(|factor| factor.eigenvalues_below().saturating_sub(1));
+        let of_low = (below_low as f64 / LOWEST_BELOW) as usize;
+        let border = (of_low + 2 * below_high).saturating_sub(wanted) / 2;
+        if border == 0 || border >= wanted {
+            return Ok(None);
+        }
+        let (lower, upper) = rayon::join(
+            || self.pairs(&lower(border), &low),
+            || -> Result<_> {
+                let upper = self.pairs(&upper(border), &high)?;
+                let whole = none_missed(&upper.beyond, self.pattern);
+                Ok((upper, whole))
+            },
+        );
+        let (lower, (mut upper, whole)) = (lower?, upper?);
+        if !whole || lower.values.len() + upper.values.len() != wanted {
+            return Ok(None);
+        }
         let known = lower.vectors.as_ref();
         let half = upper.vectors.ncols() / 2;
         let (some, others) = upper.vectors.as_mut().split_at_col_mut(half);
@@ -189,16 +233,20 @@ impl<'a> Spectrum<'a> {
             return Ok(None);
         }
         if overlap > SMALL_OVERLAP {
-            orthonormalise(upper.vectors.as_mut(), lower.vectors.as_ref());
+            orthonormalise(upper.vectors.as_mut(), known);
         }
         Ok(Some(vec![lower, upper]))
     }
 
-    /// Those of a slice.
-    fn pairs(&self, slice: &Slice, spacing: f64) -> Result<RitzPairs> {
-        let factor = slice.factor(self.pattern, spacing, self.cancelled)?;
+    /// The factor of a slice.
+    fn factor(&self, slice: &Slice) -> Result<ShiftedFactor<'a>> {
+        slice.factor(self.pattern, self.spacing, self.cancelled)
+    }
+
+    /// The pairs of a slice.
+    fn pairs(&self, slice: &Slice, factor: &ShiftedFactor<'_>) -> Result<RitzPairs> {
         let size = slice.expected_size();
-        BlockLanczos::new(&factor, &self.root_mass, self.constant.as_ref(), size).run(
+        BlockLanczos::new(factor, &self.root_mass, self.constant.as_ref(), size).run(
             slice,
             self.bound,
             self.cancelled,
@@ -267,6 +315,27 @@ mod tests {
     }
 
     #[test]
+    fn slices_meet_beside_copies_of_an_eigenvalue() {
+        let spectrum = [1.0, 2.0, 3.0, 3.0 + 1e-12, 4.0];
+        let lower = |end: usize| Slice {
+            is_followed: true,
+            ..Slice::lowest(end)
+        };
+        let upper = |first: usize| Slice {
+            first,
+            ..Slice::lowest(5)
+        };
+        for (border, meeting) in [(1, 1), (2, 2), (3, 4), (4, 4)] {
+            let of = |slice: Slice| slice.within(&spectrum, [slice.first, slice.end]);
+            assert_eq!(of(lower(border)), Some(0..meeting));
+            assert_eq!(of(upper(border)), Some(meeting..5));
+        }
+        // Nothing tells where the copies end, or the last is not there yet.
+        assert_eq!(lower(3).within(&spectrum[..4], [0, 3]), None);
+        assert_eq!(upper(2).within(&spectrum[..4], [2, 5]), None);
+    }
+
+    #[test]
     fn two_slices_are_the_spectrum_found_at_once() {
         const WANTED: usize = 140;
         let laplacian = laplacian();
@@ -276,9 +345,7 @@ mod tests {
         let slices = spectrum.lowest_in_slices(WANTED).unwrap();
         let slices = slices.expect("told apart");
         assert_eq!(slices.len(), 2);
-        let whole = spectrum
-            .pairs(&Slice::lowest(WANTED), spectrum.spacing)
-            .unwrap();
+        let whole = spectrum.lowest_at_once(WANTED).unwrap();
         let values: Vec<f64> = slices.iter().flat_map(|part| part.values.clone()).collect();
         assert_eq!(values.len(), WANTED);
         let largest = values[WANTED - 1];
