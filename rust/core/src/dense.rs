@@ -90,6 +90,14 @@ pub fn in_single(matrix: MatRef<'_, f64>) -> Mat<f32> {
     Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] as f32)
 }
 
+/// The same matrix in double precision.
+#[must_use]
+pub fn in_double(matrix: MatRef<'_, f32>) -> Mat<f64> {
+    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
+        f64::from(matrix[(i, j)])
+    })
+}
+
 /// Sum of squares of all entries.
 #[must_use]
 pub fn squared_norm(matrix: MatRef<'_, f64>) -> f64 {
@@ -108,6 +116,21 @@ pub fn squared_norm(matrix: MatRef<'_, f64>) -> f64 {
 #[inline(always)]
 pub fn vectorised<R>(work: impl FnOnce() -> R) -> R {
     pulp::Arch::new().dispatch(work)
+}
+
+/// a·b + c: in one operation where registers have it, elsewhere that would be slow.
+#[inline(always)]
+#[must_use]
+pub fn multiplied_and_added<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
+    if FUSED { a.mul_add(b, c) } else { a * b + c }
+}
+
+/// `y ← y − ax`.
+#[inline(always)]
+pub fn subtract<const C: usize, const FUSED: bool>(y: &mut [f64; C], a: f64, x: &[f64; C]) {
+    for c in 0..C {
+        y[c] = multiplied_and_added::<FUSED>(-a, x[c], y[c]);
+    }
 }
 
 /// Sums that run independently, so that the compiler can use vector registers.

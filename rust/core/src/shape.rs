@@ -390,14 +390,10 @@ impl Shape {
     /// [`Error::NotFactorised`].
     pub fn paper_operator(&self, k: usize) -> Result<Mat<f64>> {
         let found = || {
-            let between = self.between_marched();
-            let distances = Mat::from_fn(between.nrows(), between.ncols(), |i, j| {
-                f64::from(between[(i, j)])
-            });
             distance_operator::from_samples(
                 dense::gather_rows(self.basis.functions.as_ref(), self.marched(), k).as_ref(),
                 &self.basis.values[..k],
-                distances.as_ref(),
+                dense::in_double(self.between_marched().as_ref()).as_ref(),
                 distance_operator::DATA_PENALTY,
             )
         };
@@ -529,12 +525,7 @@ impl Shape {
                 (&s.basis, &s.distance_operator, s.unit)
             });
         let geodesics = spectrum.as_ref().map_or_else(
-            || {
-                let distances = self.between_marched();
-                Mat::from_fn(distances.nrows(), distances.ncols(), |i, j| {
-                    f64::from(distances[(i, j)])
-                })
-            },
+            || dense::in_double(self.between_marched().as_ref()),
             |s| s.geodesics.clone(),
         );
         let mesh = self.given_mesh();

@@ -13,6 +13,7 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
+use crate::dense::{multiplied_and_added, subtract};
 use crate::error::{Error, Result};
 
 /// Unknowns of a node.
@@ -429,24 +430,6 @@ impl Window {
         for (sum, x) in right.flat_map(|(a, b)| a.iter_mut().zip(b)) {
             *sum += x;
         }
-    }
-}
-
-/// a·b + c: in one operation where registers have it, elsewhere that would be slow.
-#[inline(always)]
-fn multiplied_and_added<const FUSED: bool>(a: f64, b: f64, c: f64) -> f64 {
-    if FUSED { a.mul_add(b, c) } else { a * b + c }
-}
-
-/// Subtracts some times a row.
-#[inline(always)]
-fn subtract<const COLUMNS: usize, const FUSED: bool>(
-    from: &mut [f64; COLUMNS],
-    times: f64,
-    row: &[f64; COLUMNS],
-) {
-    for (entry, x) in from.iter_mut().zip(row) {
-        *entry = multiplied_and_added::<FUSED>(-times, *x, *entry);
     }
 }
 

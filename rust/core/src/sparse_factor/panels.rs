@@ -2,6 +2,8 @@
 
 use pulp::{Arch, Simd, WithSimd};
 
+use crate::dense::subtract;
+
 /// Columns of a panel at most, so that rows are loaded and stored less often.
 const WIDEST: usize = 4;
 
@@ -110,14 +112,14 @@ impl Panels {
         for i in 1..W {
             for w in 0..i {
                 let row = finished[w];
-                subtract::<C, FUSED>(&mut finished[i], triangle[i * (i - 1) / 2 + w], row);
+                subtract::<C, FUSED>(&mut finished[i], triangle[i * (i - 1) / 2 + w], &row);
             }
         }
         *own = finished;
         for (values, &r) in values.iter().zip(rows) {
             let row = &mut x[r as usize];
             for w in 0..W {
-                subtract::<C, FUSED>(row, values[w], finished[w]);
+                subtract::<C, FUSED>(row, values[w], &finished[w]);
             }
         }
     }
@@ -138,13 +140,13 @@ impl Panels {
             for half in 0..2 {
                 let row = x[rows[half] as usize];
                 for w in 0..W {
-                    subtract::<C, FUSED>(&mut sums[half][w], values[half][w], row);
+                    subtract::<C, FUSED>(&mut sums[half][w], values[half][w], &row);
                 }
             }
         }
         for (values, &r) in last_values.iter().zip(last_row) {
             for w in 0..W {
-                subtract::<C, FUSED>(&mut sums[0][w], values[w], x[r as usize]);
+                subtract::<C, FUSED>(&mut sums[0][w], values[w], &x[r as usize]);
             }
         }
         let own = own_rows::<C, W>(panel, x);
@@ -157,7 +159,7 @@ impl Panels {
         for w in (0..W).rev() {
             for i in w + 1..W {
                 let row = finished[i];
-                subtract::<C, FUSED>(&mut finished[w], triangle[i * (i - 1) / 2 + w], row);
+                subtract::<C, FUSED>(&mut finished[w], triangle[i * (i - 1) / 2 + w], &row);
             }
         }
         *own = finished;
@@ -211,17 +213,5 @@ fn own_rows<'a, const C: usize, const W: usize>(
     match x[panel.first as usize..].first_chunk_mut() {
         Some(rows) => rows,
         None => unreachable!("x has a row for each column"),
-    }
-}
-
-/// `y ← y − ax`.
-#[inline(always)]
-fn subtract<const C: usize, const FUSED: bool>(y: &mut [f64; C], a: f64, x: [f64; C]) {
-    for c in 0..C {
-        y[c] = if FUSED {
-            (-a).mul_add(x[c], y[c])
-        } else {
-            y[c] - a * x[c]
-        };
     }
 }
