@@ -81,21 +81,40 @@ pub fn solve_with_ridge(
 /// Rows of a matrix in the order of `ids`, first `columns` columns.
 #[must_use]
 pub fn gather_rows(matrix: MatRef<'_, f64>, ids: &[u32], columns: usize) -> Mat<f64> {
-    Mat::from_fn(ids.len(), columns, |i, j| matrix[(ids[i] as usize, j)])
+    let mut rows = Mat::zeros(ids.len(), columns);
+    for j in 0..columns {
+        let column = matrix.col(j);
+        for (x, &id) in rows.col_as_slice_mut(j).iter_mut().zip(ids) {
+            *x = column[id as usize];
+        }
+    }
+    rows
+}
+
+/// The same matrix of other numbers, column by column.
+fn converted<A: ComplexField, B: ComplexField>(
+    matrix: MatRef<'_, A>,
+    convert: impl Fn(&A) -> B,
+) -> Mat<B> {
+    let mut out = Mat::zeros(matrix.nrows(), matrix.ncols());
+    for (j, column) in matrix.col_iter().enumerate() {
+        for (y, x) in out.col_as_slice_mut(j).iter_mut().zip(column.iter()) {
+            *y = convert(x);
+        }
+    }
+    out
 }
 
 /// The same matrix in single precision.
 #[must_use]
 pub fn in_single(matrix: MatRef<'_, f64>) -> Mat<f32> {
-    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| matrix[(i, j)] as f32)
+    converted(matrix, |&x| x as f32)
 }
 
 /// The same matrix in double precision.
 #[must_use]
 pub fn in_double(matrix: MatRef<'_, f32>) -> Mat<f64> {
-    Mat::from_fn(matrix.nrows(), matrix.ncols(), |i, j| {
-        f64::from(matrix[(i, j)])
-    })
+    converted(matrix, |&x| f64::from(x))
 }
 
 /// Sum of squares of all entries.
@@ -237,7 +256,7 @@ fn squares_in_lanes(x: &[f32], y: &[f32]) -> f32 {
 pub fn sum_of_products(a: MatRef<'_, f32>, b: MatRef<'_, f32>) -> Mat<f64> {
     let mut sum = Mat::<f32>::zeros(a.nrows(), b.nrows());
     multiply(sum.as_mut(), Accum::Replace, a, b.transpose(), 1.0);
-    Mat::from_fn(a.nrows(), b.nrows(), |i, j| f64::from(sum[(i, j)]))
+    in_double(sum.as_ref())
 }
 
 /// Σ aᵢaᵢᵀ over the columns, summed in single precision; only the lower half.
@@ -258,7 +277,7 @@ pub fn gram(a: MatRef<'_, f32>) -> Mat<f64> {
             Par::Seq,
         );
     });
-    Mat::from_fn(k, k, |i, j| f64::from(sum[(i, j)]))
+    in_double(sum.as_ref())
 }
 
 /// Points in a feature space, one contiguous single-precision row a point.

@@ -15,6 +15,10 @@ use super::slices::{Slice, gaps};
 use crate::dense::multiply;
 use crate::error::{Error, Result};
 
+/// Times that the first block is multiplied by `M` before the space begins. Each brings convergence as much nearer as one
+/// more block of the space would, of which nothing is made orthogonal; from six on, less and less.
+const MULTIPLIED_FIRST: usize = 4;
+
 /// Blocks made orthogonal to all before them together, so that the basis, which is far larger than the nearest cache,
 /// is read less often. With three, what rounding leaves along converged Ritz vectors grows too large while they wait.
 const BLOCKS_TOGETHER: usize = 2;
@@ -40,25 +44,10 @@ pub(super) struct RitzPairs {
     pub(super) values: Vec<f64>,
     /// Unit eigenvectors, `(n, wanted)`, in the factor's ordering.
     pub(super) vectors: Mat<f64>,
-    /// Where a factor tells whether any is missed, from the nearest on.
-    pub(super) beyond: Vec<Place>,
+    /// Whether a factor beyond the last one counts as many, if the slice is the last.
+    pub(super) none_missed: bool,
     /// Linear systems solved.
     pub(super) solves: usize,
-}
-
-/// A place in the spectrum, in a gap.
-pub(super) struct Place {
-    shift: f64,
-    /// Eigenvalues below it, zero among them, if none was missed.
-    below: usize,
-}
-
-/// Whether a factor at the first of some places that has an accurate one counts as many below.
-pub(super) fn none_missed(places: &[Place], pattern: &Pattern<'_>) -> bool {
-    places
-        .iter()
-        .find_map(|place| Some((place, pattern.factor(place.shift)?)))
-        .is_some_and(|(place, factor)| factor.eigenvalues_below() == place.below)
 }
 
 /// At least `count` solves with a factor of `n` rows, in the blocks of the iteration.
@@ -109,15 +98,8 @@ impl<'a> BlockLanczos<'a> {
         let mut basis = Mat::with_capacity(n, 1 + capacity);
         basis.resize_with(n, 1 + BLOCK, |_, _| 0.0);
         basis.col_mut(0).copy_from(deflated);
-        let (deflated, rest) = basis.split_at_col_mut(1);
-        let mut start = rest.subcols_mut(0, BLOCK);
-        start.copy_from(starting_block(n));
-        remove(start.rb_mut(), deflated.rb());
-        orthonormalise(start.rb_mut(), deflated.rb());
         let nothing = Block::filled(n, 0.0);
-        let mut last = nothing.clone();
-        last.copy_from(start.rb());
-        Self {
+        let mut space = Self {
             factor,
             root_mass,
             basis,
@@ -126,24 +108,46 @@ impl<'a> BlockLanczos<'a> {
             settled: 1 + BLOCK,
             norm: 0.0,
             growth: 0.0,
-            last,
+            last: nothing.clone(),
             previous: nothing.clone(),
             next: nothing,
+        };
+        space.next.copy_from(starting_block(n).as_ref());
+        space.start();
+        for _ in 0..MULTIPLIED_FIRST {
+            space.multiply();
+            space.start();
         }
+        space
+    }
+
+    /// Makes the block to come the first of the space.
+    fn start(&mut self) {
+        let (deflated, mut start) = self.basis.split_at_col_mut(1);
+        self.next.copy_to(start.rb_mut());
+        remove(start.rb_mut(), deflated.rb());
+        orthonormalise(start.rb_mut(), deflated.rb());
+        self.last.copy_from(start.rb());
+    }
+
+    /// The block to come is `M` times the last.
+    fn multiply(&mut self) {
+        self.next.set_scaled(self.root_mass, &self.last);
+        self.next.solve(self.factor.factor());
+        self.next.scale(self.root_mass);
     }
 
     /// Extends the space until the `λ = s + 1/ν` of a slice that `s` lies in have `‖Mx − νx‖ ≤ bound·λ_last·ν²`, and
-    /// as many lie below `s` and between its borders as the inertia of factors says.
+    /// as many lie below `s` as the inertia of its factor says; a space for the whole until as many are in it, too.
     pub(super) fn run(
         mut self,
         slice: &Slice,
         bound: f64,
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<RitzPairs> {
-        // The deflated constant is below the shift as well.
-        let below = (self.factor.eigenvalues_below().saturating_sub(1)).min(slice.end);
+        let below = self.factor.pairs_below().min(slice.end);
         let shift = self.factor.shift();
-        let size = slice.expected_size().next_multiple_of(BLOCK);
+        let size = slice.expected_size(below).next_multiple_of(BLOCK);
         let most = (PATIENCE * size).min(self.basis.nrows() - 2 * BLOCK);
         let mut check_at = size;
         loop {
@@ -181,26 +185,23 @@ impl<'a> BlockLanczos<'a> {
                 .map(|(&i, tail)| tail.norm_l2() / (bound * largest * values[i] * values[i]))
                 .collect();
             let worst = errors.iter().copied().fold(0.0, f64::max);
-            let beyond: Vec<Place> = gaps(&spectrum, end)
-                .take(GAPS_TRIED)
-                .map(|r| Place {
-                    shift: f64::midpoint(spectrum[r - 1], spectrum[r]),
-                    // The deflated constant is below as well.
-                    below: 1 + slice.end + r - end,
-                })
-                .collect();
-            let none_missed = || {
-                let starts_right = slice.first > 0 || first == 0;
-                starts_right && (!slice.is_whole() || none_missed(&beyond, self.factor.pattern()))
-            };
-            if end > first && worst <= 1.0 && none_missed() {
+            let pattern = self.factor.pattern();
+            let all_counted =
+                || slice.is_followed || counts_as_many(&spectrum, end, slice.end, pattern);
+            let starts_right = slice.first > 0 || first == 0;
+            if end > first && worst <= 1.0 && starts_right && (slice.first > 0 || all_counted()) {
                 let (vectors, tails) = (vectors.as_ref(), tails.as_ref());
-                let (values, vectors) = self.pairs(order, &values, vectors, tails, cancelled)?;
+                // What an upper slice misses is not looked for in its space, which need not outlast the answer.
+                let (pairs, none_missed) = rayon::join(
+                    || self.pairs(order, &values, vectors, tails, cancelled),
+                    || slice.first == 0 || all_counted(),
+                );
+                let (values, vectors) = pairs?;
                 return Ok(RitzPairs {
                     values,
                     vectors,
-                    beyond,
-                    solves: m,
+                    none_missed,
+                    solves: BLOCK * MULTIPLIED_FIRST + m,
                 });
             }
             if m >= most {
@@ -212,7 +213,7 @@ impl<'a> BlockLanczos<'a> {
             }
             // Past its threshold the error falls about tenfold with two blocks. A copy that was missed grows from rounding.
             let blocks = match worst {
-                ..=1.0 => 2,
+                ..=5.0 => 2,
                 ..=1e2 => 4,
                 ..=1e4 => 6,
                 _ => 8,
@@ -224,9 +225,7 @@ impl<'a> BlockLanczos<'a> {
     /// One more block: multiply by `M`, orthogonalise, store.
     fn extend(&mut self) {
         let m = self.size;
-        self.next.set_scaled(self.root_mass, &self.last);
-        self.next.solve(self.factor.factor());
-        self.next.scale(self.root_mass);
+        self.multiply();
         // Three-term recurrence first; `settle` then only removes what rounding left.
         if m > 0 {
             let above = self.projected.submatrix(m, m - BLOCK, BLOCK, BLOCK);
@@ -349,6 +348,17 @@ impl<'a> BlockLanczos<'a> {
     }
 }
 
+/// Whether a factor beyond place `end` of a spectrum, in a gap, counts so many pairs up to that place.
+fn counts_as_many(spectrum: &[f64], end: usize, pairs: usize, pattern: &Pattern<'_>) -> bool {
+    gaps(spectrum, end)
+        .take(GAPS_TRIED)
+        .find_map(|place| {
+            let between = f64::midpoint(spectrum[place - 1], spectrum[place]);
+            Some(pattern.factor(between)?.pairs_below() == pairs + place - end)
+        })
+        .unwrap_or(false)
+}
+
 /// Ritz values in the order of their `λ = shift + 1/ν`, those with `λ > 0` only.
 fn spectrum_order(values: &[f64], shift: f64) -> Vec<usize> {
     let negative = values.partition_point(|&nu| nu < 0.0);
@@ -363,4 +373,26 @@ fn spectrum_order(values: &[f64], shift: f64) -> Vec<usize> {
 
 fn starting_block(n: usize) -> Mat<f64> {
     Mat::from_fn(n, BLOCK, |i, j| noise((i * BLOCK + j) as u64))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::Eigenbasis;
+    use super::super::shifted_factor::tests::laplacian;
+    use super::*;
+
+    #[test]
+    fn a_factor_counts_what_is_missed_or_found_twice() {
+        let laplacian = laplacian();
+        let pattern = Pattern::new(&laplacian).unwrap();
+        let values = Eigenbasis::new(&laplacian, 16, &|| false).unwrap().values;
+        let (all, end) = (&values[1..], 10);
+        assert!(counts_as_many(all, end, end, &pattern));
+        let missed = [&all[..4], &all[5..]].concat();
+        assert!(!counts_as_many(&missed, end, end, &pattern));
+        let twice = [&all[..5], &all[4..]].concat();
+        assert!(!counts_as_many(&twice, end, end, &pattern));
+        // Without what lies beyond, nothing tells.
+        assert!(!counts_as_many(&all[..end], end, end, &pattern));
+    }
 }

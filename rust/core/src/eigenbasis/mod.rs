@@ -13,8 +13,8 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use self::orthogonal::eigen;
-use self::shifted_factor::{Pattern, ShiftedFactor};
-use self::slices::{Slice, Spectrum, weyl_spacing};
+use self::shifted_factor::Pattern;
+use self::slices::{Slice, Spectrum, lowest_factor};
 use crate::dense::{self, vectorised};
 use crate::error::{Error, Result};
 use crate::laplacian::Laplacian;
@@ -100,7 +100,7 @@ impl Eigenbasis {
             ordering: None,
         };
         if k > 1 {
-            if n <= DENSE_RATIO * Slice::lowest(k - 1).expected_size() {
+            if n <= DENSE_RATIO * Slice::lowest(k - 1).expected_size(0) {
                 basis.fill_dense(laplacian, area, cancelled)?;
             } else {
                 basis.fill_sparse(laplacian, cancelled)?;
@@ -262,7 +262,7 @@ impl Eigenbasis {
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<()> {
         let pattern = Pattern::new(laplacian)?;
-        let factor = lowest_factor(&pattern, laplacian, self.values.len() - 1, cancelled)?;
+        let factor = lowest_factor(&pattern, self.values.len() - 1, cancelled)?;
         let ordering = pattern.ordering();
         let mut defects = vec![[0.0]; laplacian.len()];
         let mut excess = Mat::zeros(laplacian.len(), inaccurate.len());
@@ -342,7 +342,7 @@ impl Eigenbasis {
 /// [`Error::NotFactorised`].
 pub fn bare_solves(laplacian: &Laplacian, count: usize) -> Result<()> {
     let pattern = Pattern::new(laplacian)?;
-    let factor = lowest_factor(&pattern, laplacian, count, &|| false)?;
+    let factor = lowest_factor(&pattern, 1, &|| false)?;
     lanczos::bare_solves(&factor, laplacian.len(), count);
     Ok(())
 }
@@ -352,17 +352,7 @@ pub fn bare_solves(laplacian: &Laplacian, count: usize) -> Result<()> {
 /// # Errors
 /// [`Error::NotFactorised`].
 pub fn factorise(laplacian: &Laplacian) -> Result<()> {
-    lowest_factor(&Pattern::new(laplacian)?, laplacian, 1, &|| false).map(|_| ())
-}
-
-fn lowest_factor<'a>(
-    pattern: &'a Pattern<'a>,
-    laplacian: &Laplacian,
-    pairs: usize,
-    cancelled: &(dyn Fn() -> bool + Sync),
-) -> Result<ShiftedFactor<'a>> {
-    let spacing = weyl_spacing(laplacian.mass.iter().sum());
-    Slice::lowest(pairs).factor(pattern, spacing, cancelled)
+    lowest_factor(&Pattern::new(laplacian)?, 1, &|| false).map(|_| ())
 }
 
 /// Norms of `Wφ − λAφ` of some pairs, `√(rᵀA⁻¹r)`; `note` is told them vertex by vertex.

@@ -117,6 +117,11 @@ impl ShiftedFactor<'_> {
         self.factor.negative_pivots()
     }
 
+    /// The same without the constant.
+    pub(super) fn pairs_below(&self) -> usize {
+        self.eigenvalues_below().saturating_sub(1)
+    }
+
     /// The factor itself.
     pub(super) fn factor(&self) -> &Factor {
         &self.factor

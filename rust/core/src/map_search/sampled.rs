@@ -109,6 +109,8 @@ impl Sampled {
         } else {
             Cow::Owned(own.spectral_distances(samples, samples))
         };
+        let mut without_diagonal = dense::in_single(distances.as_ref().as_ref());
+        without_diagonal.diagonal_mut().fill(0.0);
         let waves = mine.dims - 1;
         let mut to_waves = vec![0.0; mine.count()];
         let mut fixed = Mat::zeros(mine.count(), theirs.count());
@@ -149,13 +151,7 @@ impl Sampled {
             }
         }
         Self {
-            distances: Mat::from_fn(basis.nrows(), basis.nrows(), |i, j| {
-                if i == j {
-                    0.0
-                } else {
-                    distances[(i, j)] as f32
-                }
-            }),
+            distances: without_diagonal,
             single: dense::in_single(basis.as_ref()),
             basis,
             fixed,
