@@ -64,9 +64,9 @@ impl Eigenbasis {
     /// The `k` smallest eigenpairs.
     ///
     /// Shift-invert block Lanczos with full orthogonalisation, in two slices of the spectrum side by side from 180 pairs
-    /// on; what lies below the shifts, between the slices and below a value just above all pairs is counted by the
-    /// inertia of factors. The result does not depend on the number of threads. Working memory per vertex: about
-    /// `8·(1.6 k + 160) + 8 k` bytes and two factors.
+    /// on; what lies below the shifts and below a value just above all pairs is counted by the inertia of factors. The
+    /// result does not depend on the number of threads. Working memory per vertex: about `8·(1.6 k + 160) + 8 k` bytes
+    /// and two factors.
     ///
     /// # Errors
     /// [`Error::BadArgument`] when `k` is 0 or more than the vertices, [`Error::NotFactorised`],
@@ -76,7 +76,7 @@ impl Eigenbasis {
     /// # Source
     /// Grimes, Lewis, Simon, "A shifted block Lanczos algorithm for solving sparse symmetric
     /// generalized eigenproblems", 1994. Where we part: the known constant is deflated; blocks are made orthogonal to
-    /// all before them, two at a time; a slice has one shift, and a border that a factor counted.
+    /// all before them, two at a time; a slice has one shift, and no factor counts at its border.
     pub fn new(
         laplacian: &Laplacian,
         k: usize,
