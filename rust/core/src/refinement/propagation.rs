@@ -69,7 +69,8 @@ impl Images {
         check: Check<'_>,
     ) -> Result<()> {
         // Visits are numbered. A vertex has nothing new to try unless a neighbour's image changed since
-        // its last visit, and tries no image twice in a visit.
+        // its last visit, and then that image alone: all others around were tried then. No image is tried
+        // twice in a visit.
         let (mut visit, mut changed_at, mut seen_at) =
             (0u32, vec![0u32; ids.len()], vec![0u32; ids.len()]);
         let mut tried_at = vec![0u32; answering.0.count()];
@@ -84,13 +85,13 @@ impl Images {
                 } else {
                     ids.len() - 1 - step
                 };
-                let neighbours = asking.1.row(i);
-                let news = |&j: &u32| changed_at[j as usize] > seen_at[i];
-                if seen_at[i] > 0 && !neighbours.iter().any(news) {
+                let (neighbours, last) = (asking.1.row(i), seen_at[i]);
+                let has_news = |&j: &u32| last == 0 || changed_at[j as usize] > last;
+                if last > 0 && !neighbours.iter().any(has_news) {
                     continue;
                 }
                 let here = asking.0.row(ids[i] as usize);
-                if seen_at[i] == 0 {
+                if last == 0 {
                     self.cost[i] = self.present_cost(i, here, answering.0);
                 }
                 visit += 1;
@@ -99,7 +100,8 @@ impl Images {
                     let at = &mut tried_at[image as usize];
                     std::mem::replace(at, visit) < visit
                 };
-                if self.improve(i, here, neighbours, answering, is_new) {
+                let neighbours = neighbours.iter().copied().filter(has_news);
+                if self.improve(i, last == 0, here, neighbours, answering, is_new) {
                     changed_at[i] = visit;
                     changed = true;
                 }
@@ -121,13 +123,15 @@ impl Images {
         }
     }
 
-    /// Tries the images of mesh neighbours, then walks downhill on the answering shape; only those that are new.
+    /// Tries the images of `neighbours`, then walks downhill on the answering shape, from the present image only
+    /// `at_first`: later what lies around it has been tried. Only images that are new.
     #[inline(always)]
     fn improve(
         &mut self,
         i: usize,
+        at_first: bool,
         here: &[f32],
-        neighbours: &[u32],
+        neighbours: impl Iterator<Item = u32>,
         answering: (&Rows, &Adjacency),
         mut is_new: impl FnMut(u32) -> bool,
     ) -> bool {
@@ -135,7 +139,7 @@ impl Images {
         if start != u32::MAX {
             is_new(start);
         }
-        for &j in neighbours {
+        for j in neighbours {
             let image = self.vertex[j as usize];
             if image != u32::MAX && is_new(image) {
                 let cost = squared_distance_within(here, answering.0.row(image as usize), best.1);
@@ -147,7 +151,8 @@ impl Images {
         if best.0 == u32::MAX {
             return false;
         }
-        loop {
+        let mut rests = best.0 == start && !at_first;
+        while !rests {
             let from = best.0;
             for &q in answering.1.row(from as usize) {
                 if !is_new(q) {
@@ -158,9 +163,7 @@ impl Images {
                     best = (q, cost);
                 }
             }
-            if best.0 == from {
-                break;
-            }
+            rests = best.0 == from;
         }
         (self.vertex[i], self.cost[i]) = best;
         best.0 != start
