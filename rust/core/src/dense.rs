@@ -159,13 +159,13 @@ pub const LANES: usize = 8;
 #[inline(always)]
 #[must_use]
 pub fn sum_of_lanes(lanes: [f32; LANES]) -> f32 {
-    // Seeing what is added at the end, the compiler takes apart all that comes before and works on two lanes at a time.
-    let lanes = black_box(lanes);
     let (low, high) = lanes.split_at(LANES / 2);
     let mut halves = [0.0; LANES / 2];
     for (half, (x, y)) in halves.iter_mut().zip(low.iter().zip(high)) {
         *half = x + y;
     }
+    // Seeing what is added at the end, the compiler takes apart all that comes before and works on two lanes at a time.
+    let halves = black_box(halves);
     (halves[0] + halves[2]) + (halves[1] + halves[3])
 }
 

@@ -9,9 +9,6 @@ use crate::progress::Check;
 use crate::shape::Shape;
 use crate::vector::{self, Point};
 
-/// Room for the vertices around two neighbouring vertices.
-const AROUND_TWO: usize = 16;
-
 /// Triangles in which the closest point is sought at once, each in a lane.
 const TRIANGLES_AT_ONCE: usize = 8;
 
@@ -81,26 +78,31 @@ impl<'a> EmbeddedTriangles<'a> {
 
     /// Nearest point of the triangles around a vertex and the nearest of its neighbours.
     #[must_use]
-    pub fn nearest_around(&self, vertex: u32, query: &[f32]) -> SurfacePoint {
+    pub fn nearest_around(
+        &self,
+        vertex: u32,
+        query: &[f32],
+        distances: &mut Distances,
+    ) -> SurfacePoint {
         vectorised(
             #[inline(always)]
-            || self.nearest_in_lanes(vertex, query),
+            || self.nearest_in_lanes(vertex, query, distances),
         )
     }
 
     #[inline(always)]
-    fn nearest_in_lanes(&self, vertex: u32, query: &[f32]) -> SurfacePoint {
+    fn nearest_in_lanes(
+        &self,
+        vertex: u32,
+        query: &[f32],
+        distances: &mut Distances,
+    ) -> SurfacePoint {
         let shape = self.shape;
-        let mut distances = Distances {
-            query,
-            rows: self.rows,
-            known: 0,
-            vertices: [u32::MAX; AROUND_TWO],
-            found: [0.0; AROUND_TWO],
-        };
+        distances.query += 1;
+        let mut distance_to = |v: u32| distances.to(v, self.rows, query);
         let mut second = (f64::INFINITY, vertex);
         for &v in shape.neighbours.row(vertex as usize) {
-            let distance = distances.to(v);
+            let distance = distance_to(v);
             if distance < second.0 {
                 second = (distance, v);
             }
@@ -114,7 +116,7 @@ impl<'a> EmbeddedTriangles<'a> {
                 }
                 let mut to = [0.0; 3];
                 for (to, v) in to.iter_mut().zip(corners) {
-                    *to = distances.to(v);
+                    *to = distance_to(v);
                 }
                 let [a, b, c] = to;
                 best.try_triangle(face, self.sides[face as usize], [a, b - a, c - a]);
@@ -124,35 +126,34 @@ impl<'a> EmbeddedTriangles<'a> {
     }
 }
 
-/// Squared distances of a query from vertices, each worked out once.
-struct Distances<'a> {
-    query: &'a [f32],
-    rows: &'a Rows,
-    /// How many are known, of which vertices, and what was found; beyond this room they are worked out again.
-    known: usize,
-    vertices: [u32; AROUND_TWO],
-    found: [f64; AROUND_TWO],
+/// Squared distances of queries from vertices, each worked out once.
+pub struct Distances {
+    /// Number of the present query.
+    query: u32,
+    /// Last query for which each was worked out.
+    asked_by: Vec<u32>,
+    found: Vec<f64>,
 }
 
-impl Distances<'_> {
+impl Distances {
+    /// From so many vertices.
+    #[must_use]
+    pub fn from(count: usize) -> Self {
+        Self {
+            query: 0,
+            asked_by: vec![0; count],
+            found: vec![0.0; count],
+        }
+    }
+
     #[inline(always)]
-    fn to(&mut self, vertex: u32) -> f64 {
-        // Without branches: a vertex is there once at most.
-        let mut place = 0;
-        for (i, &known) in (1..).zip(&self.vertices) {
-            place |= if known == vertex { i } else { 0u32 };
+    fn to(&mut self, vertex: u32, rows: &Rows, query: &[f32]) -> f64 {
+        let v = vertex as usize;
+        if self.asked_by[v] != self.query {
+            self.asked_by[v] = self.query;
+            self.found[v] = f64::from(squared_distance(query, rows.row(v)));
         }
-        if place > 0 {
-            return self.found[place as usize - 1];
-        }
-        let row = self.rows.row(vertex as usize);
-        let distance = f64::from(squared_distance(self.query, row));
-        if self.known < AROUND_TWO {
-            self.vertices[self.known] = vertex;
-            self.found[self.known] = distance;
-            self.known += 1;
-        }
-        distance
+        self.found[v]
     }
 }
 
@@ -231,10 +232,13 @@ pub fn projected(
     images
         .par_iter()
         .enumerate()
-        .map(|(i, &image)| {
-            check()?;
-            Ok(source.nearest_around(image, target.row(i)))
-        })
+        .map_init(
+            || Distances::from(source.rows.count()),
+            |distances, (i, &image)| {
+                check()?;
+                Ok(source.nearest_around(image, target.row(i), distances))
+            },
+        )
         .collect()
 }
 
@@ -487,25 +491,6 @@ mod tests {
     use crate::testing::{RINGS, torus};
 
     #[test]
-    fn distances_are_found_beyond_the_room_for_them() {
-        let count = 3 * AROUND_TWO as u32;
-        let mut rows = Rows::zeros(count as usize, 1);
-        for v in 0..count {
-            rows.row_mut(v as usize)[0] = v as f32;
-        }
-        let mut distances = Distances {
-            query: &[1.0],
-            rows: &rows,
-            known: 0,
-            vertices: [u32::MAX; AROUND_TWO],
-            found: [0.0; AROUND_TWO],
-        };
-        for v in (0..count).chain((0..count).rev()) {
-            assert_eq!(distances.to(v), (f64::from(v) - 1.0).powi(2));
-        }
-    }
-
-    #[test]
     fn the_nearest_point_of_triangles_is_that_of_the_three_dimensional_formula() {
         let shape = torus(RINGS);
         // Space within more dimensions, as many as need whole and broken registers.
@@ -516,6 +501,7 @@ mod tests {
             }
         }
         let triangles = EmbeddedTriangles::new(&shape, &rows);
+        let mut distances = Distances::from(rows.count());
         for v in (0..shape.mass.len() as u32).step_by(7) {
             // Over a face of the vertex, off the surface, and nearest to that vertex.
             let face = shape.vertex_faces.row(v as usize)[0];
@@ -530,7 +516,7 @@ mod tests {
             for (c, x) in query.iter().enumerate() {
                 row[7 * c] = *x as f32;
             }
-            let found = triangles.nearest_around(v, &row);
+            let found = triangles.nearest_around(v, &row, &mut distances);
             let cost_of =
                 |face: u32| nearest_in_triangle(query, shape.mesh.faces[face as usize].map(at)).0;
             let around = shape.vertex_faces.row(v as usize).iter();

@@ -16,7 +16,7 @@ use crate::dense::Rows;
 use crate::error::Result;
 use crate::geodesics::{Seed, Workspace};
 use crate::nearest::nearest;
-use crate::pointwise_map::{EmbeddedTriangles, SurfacePoint};
+use crate::pointwise_map::{Distances, EmbeddedTriangles, SurfacePoint};
 use crate::progress::Progress;
 use crate::shape::Shape;
 
@@ -210,7 +210,12 @@ impl<'a> Placement<'a> {
             }
         }
         let vertex = nearest(&query, &self.fields);
-        EmbeddedTriangles::new(self.source, &self.fields).nearest_around(vertex[0], query.row(0))
+        let mut distances = Distances::from(self.fields.count());
+        EmbeddedTriangles::new(self.source, &self.fields).nearest_around(
+            vertex[0],
+            query.row(0),
+            &mut distances,
+        )
     }
 
     /// Moves one sample after the other to its best point until the stress rests.

@@ -187,17 +187,22 @@ impl Trials<'_> {
         let (head, rest) = split(here);
         let mut new = [(0, 0.0); AT_ONCE];
         loop {
-            let (mut count, mut new_count) = (0, 0);
-            for image in images.by_ref().take(AT_ONCE) {
-                count += 1;
-                new[new_count].0 = image;
+            let mut count = 0;
+            let is_more = loop {
+                let Some(image) = images.next() else {
+                    break false;
+                };
+                new[count].0 = image;
                 let tried_at = &mut self.tried_at[image as usize];
-                new_count += usize::from(std::mem::replace(tried_at, self.visit) < self.visit);
-            }
-            for (image, cost) in &mut new[..new_count] {
+                count += usize::from(std::mem::replace(tried_at, self.visit) < self.visit);
+                if count == AT_ONCE {
+                    break true;
+                }
+            };
+            for (image, cost) in &mut new[..count] {
                 *cost = squared_distance(head, split(self.row(*image)).0);
             }
-            for &(image, cost) in &new[..new_count] {
+            for &(image, cost) in &new[..count] {
                 if cost < best.1 {
                     let cost = cost + squared_distance(rest, split(self.row(image)).1);
                     if cost < best.1 {
@@ -205,7 +210,7 @@ impl Trials<'_> {
                     }
                 }
             }
-            if count < AT_ONCE {
+            if !is_more {
                 break;
             }
         }
