@@ -74,8 +74,8 @@ pub struct Side<'a> {
     pub smoothed: Mat<f64>,
     /// Number of eigenfunctions of which it is made.
     low_passed_to: usize,
-    /// What a vertex looks like and how near it is to each landmark, `(n, c)`: the same at each step.
-    fixed: Mat<f32>,
+    /// What a vertex looks like and how near it is to each landmark: the same at each step.
+    fixed: Rows,
     /// Whether positions and normals take part in the embedding.
     extrinsic: bool,
     /// Where landmarks ask, as (number of the asking vertex, image).
@@ -198,17 +198,17 @@ impl<'a> Side<'a> {
             0.0
         };
         let held = pair.hints.in_refinement(which);
-        let fixed = Mat::from_fn(
-            mesh.vertices.len(),
-            detail.ncols() + held.ncols(),
-            |i, c| {
-                if c < detail.ncols() {
+        let seen = detail.ncols();
+        let mut fixed = Rows::zeros(mesh.vertices.len(), seen + held.ncols());
+        for (i, row) in fixed.data.chunks_exact_mut(fixed.dims).enumerate() {
+            for (c, out) in row.iter_mut().enumerate() {
+                *out = if c < seen {
                     looks * detail[(i, c)]
                 } else {
-                    held[(i, c - detail.ncols())]
-                }
-            },
-        );
+                    held[(i, c - seen)]
+                };
+            }
+        }
         // What a part shows of the whole is little enough, and what the whole has beyond it says nothing.
         let fitting = if share == 0.0 {
             Fitting::none(shape)
@@ -410,7 +410,7 @@ impl<'a> Side<'a> {
         let looks = self.shape.descriptors.detail.ncols();
         // What has no weight is left out.
         let first_fixed = if weights.looks > 0.0 { 0 } else { looks };
-        let before = 6 + self.fixed.ncols() - first_fixed;
+        let before = 6 + self.fixed.dims - first_fixed;
         let spectrum = before..before + k;
         let functions = &self.shape.rows;
         // Rows have no padding, of which products would read what is left there: see `Rows::times`.
@@ -448,10 +448,12 @@ impl<'a> Side<'a> {
                     row[c] = (shown * weights.positions * positions[i][c]) as f32;
                     row[3 + c] = (shown * sign * normals[i][c]) as f32;
                 }
-                for (c, out) in (first_fixed..).zip(&mut row[6..before]) {
-                    let weight = if c < looks { weights.looks } else { 1.0 };
-                    *out = weight * fixed[(i, c)];
+                let (own, held) = fixed.row(i).split_at(looks);
+                let (out, out_held) = row[6..before].split_at_mut(looks - first_fixed);
+                for (out, value) in out.iter_mut().zip(own) {
+                    *out = weights.looks * value;
                 }
+                out_held.copy_from_slice(held);
                 if transposed.is_none() {
                     let row = row[spectrum.clone()].iter_mut();
                     for ((out, value), scale) in row.zip(functions.row(i)).zip(&scales) {
