@@ -1,6 +1,6 @@
 //! A map between the low ends of two spectra: fitted to point maps, and judged by those it gives.
 
-use faer::{Mat, MatRef};
+use faer::{Mat, MatRef, Scale};
 
 use super::sampled::{Sampled, Width};
 use crate::closest::closest;
@@ -58,6 +58,8 @@ pub struct SampledPair<'a> {
     pub(super) width: Width,
     pub(super) side_target: Sampled,
     pub(super) side_source: Sampled,
+    /// Of the source's basis at its asking samples.
+    source_gram: Mat<f64>,
 }
 
 impl<'a> SampledPair<'a> {
@@ -68,11 +70,14 @@ impl<'a> SampledPair<'a> {
             || Sampled::new(&pair, Which::Target, width),
             || Sampled::new(&pair, Which::Source, width),
         );
+        let asking = side_source.basis.get(..side_source.asking, ..);
+        let source_gram = gram(asking.get(.., ..CANDIDATE_SIZE.min(asking.ncols())));
         Self {
             pair,
             width,
             side_target,
             side_source,
+            source_gram,
         }
     }
 
@@ -170,14 +175,12 @@ impl<'a> SampledPair<'a> {
 
     /// Fit at k from point maps.
     pub(super) fn fit(&self, on_source: &[u32], on_target: &[u32], k: usize) -> Result<Mat<f64>> {
-        fit(
-            self.side_target.basis.as_ref(),
-            self.side_source.basis.as_ref(),
-            on_source,
-            on_target,
-            self.pair.shares,
-            k,
-        )
+        let bases = SampledBases {
+            target: self.side_target.basis.as_ref(),
+            source: self.side_source.basis.as_ref(),
+            source_gram: self.source_gram.as_ref(),
+        };
+        fit(bases, on_source, on_target, self.pair.shares, k)
     }
 
     /// Root mean square change of distances between samples, times the root of the mean
@@ -211,45 +214,58 @@ impl<'a> SampledPair<'a> {
     }
 }
 
+/// Bases of both shapes at their samples.
+#[derive(Debug, Clone, Copy)]
+pub struct SampledBases<'a> {
+    /// The target's, `(s, k)`.
+    pub target: MatRef<'a, f64>,
+    /// The source's, `(s, k)`.
+    pub source: MatRef<'a, f64>,
+    /// [`gram`] of the latter's rows that ask.
+    pub source_gram: MatRef<'a, f64>,
+}
+
+/// `BᵀB`.
+#[must_use]
+pub fn gram(basis: MatRef<'_, f64>) -> Mat<f64> {
+    dense::product(basis.transpose(), basis)
+}
+
 /// Bijective least squares: C with Φₛ C ≈ Φₜ at the pairs of both point maps.
 ///
-/// Bases are given at samples; `on_source` are source samples for the first target samples,
-/// `on_target` target samples for the first source samples. Returns `(k, k)`.
+/// `on_source` are source samples for the first target samples, `on_target` target samples for the first source
+/// samples. Returns `(k, k)`.
 ///
 /// # Errors
 /// [`crate::Error::NotFactorised`] when the pairs do not determine the map.
 pub fn fit(
-    target: MatRef<'_, f64>,
-    source: MatRef<'_, f64>,
+    bases: SampledBases<'_>,
     on_source: &[u32],
     on_target: &[u32],
     shares: Shares,
     k: usize,
 ) -> Result<Mat<f64>> {
-    let (first, second) = (on_source.len(), on_target.len());
-    let [target_root, source_root] = [shares.target.sqrt(), shares.source.sqrt()];
-    let roots = [vec![target_root; first], vec![source_root; second]].concat();
-    let weighted_rows = |basis: MatRef<'_, f64>, ids: Vec<u32>| {
-        let mut rows = Mat::zeros(ids.len(), k);
-        for j in 0..k {
-            let out = rows.col_as_slice_mut(j).iter_mut();
-            for ((out, root), &id) in out.zip(&roots).zip(&ids) {
-                *out = root * basis[(id as usize, j)];
-            }
-        }
-        rows
-    };
-    let p = weighted_rows(
-        source,
-        on_source.iter().copied().chain(0..second as u32).collect(),
-    );
-    let q = weighted_rows(
+    let SampledBases {
         target,
-        (0..first as u32).chain(on_target.iter().copied()).collect(),
+        source,
+        source_gram,
+    } = bases;
+    let (first, second) = (on_source.len(), on_target.len());
+    let ((mut gram, mut right), by_source) = rayon::join(
+        || {
+            let answers = dense::gather_rows(source, on_source, k);
+            let asked = target.get(..first, ..k);
+            let right = dense::product(answers.transpose(), asked);
+            (gram(answers.as_ref()), right)
+        },
+        || {
+            let answers = dense::gather_rows(target, on_target, k);
+            dense::product(source.get(..second, ..k).transpose(), answers.as_ref())
+        },
     );
-    let (gram, right) = rayon::join(
-        || dense::product(p.transpose(), p.as_ref()),
-        || dense::product(p.transpose(), q.as_ref()),
-    );
+    gram *= Scale(shares.target);
+    gram += Scale(shares.source) * source_gram.get(..k, ..k);
+    right *= Scale(shares.target);
+    right += Scale(shares.source) * by_source;
     dense::solve_with_ridge(gram, |_| FIT_RIDGE * first as f64, right.as_ref())
 }

@@ -18,7 +18,7 @@ use crate::orientation::{better_signs, shares};
 use crate::pair::{Mirror, Pair, Part};
 use crate::progress::Progress;
 
-pub use candidate::{CANDIDATE_SIZE, Candidate, fit};
+pub use candidate::{CANDIDATE_SIZE, Candidate, SampledBases, fit, gram};
 pub use sampled::Width;
 pub use seeds::best_signs;
 

@@ -8,7 +8,7 @@ use faer::Mat;
 use crate::closest::closest;
 use crate::dense;
 use crate::error::Result;
-use crate::map_search::{Candidate, fit};
+use crate::map_search::{Candidate, SampledBases, fit, gram};
 use crate::pair::Pair;
 use crate::shape::Shape;
 
@@ -29,7 +29,19 @@ pub fn upsampled(pair: &Pair<'_>, candidate: &Candidate) -> Result<Mat<f64>> {
         .min(source.basis.values.len());
     let at_samples =
         |s: &Shape| dense::gather_rows(s.basis.functions.as_ref(), &s.farthest, largest);
-    let (on_target, on_source) = (at_samples(target), at_samples(source));
+    let (on_target, (on_source, source_gram)) = rayon::join(
+        || at_samples(target),
+        || {
+            let on_source = at_samples(source);
+            let gram = gram(on_source.as_ref());
+            (on_source, gram)
+        },
+    );
+    let bases = SampledBases {
+        target: on_target.as_ref(),
+        source: on_source.as_ref(),
+        source_gram: source_gram.as_ref(),
+    };
     let asked = dense::in_single(on_target.as_ref());
     let mut matrix = candidate.matrix.clone();
     loop {
@@ -43,8 +55,7 @@ pub fn upsampled(pair: &Pair<'_>, candidate: &Candidate) -> Result<Mat<f64>> {
             || closest(answers, asked, None, 1.0),
         );
         matrix = fit(
-            on_target.as_ref(),
-            on_source.as_ref(),
+            bases,
             &on_answers,
             &on_asked,
             pair.shares,
