@@ -1,9 +1,10 @@
 """Times of the stages and of the whole, beside peers, on one generated character pair of growing size.
 
 A time is wall time from arrays in memory to the finished result, median of the runs; ours and the peers'
-runs alternate, so that a busy machine slows both. Stages are those that the core tells of, of one shape
-prepared alone and of the match of prepared ones; factorisation, a part of the eigenpairs, is a kernel.
-Every run of a peer is a process of its own, which can be stopped when it takes too long.
+runs alternate, so that a busy machine slows both. What takes a fraction of a second is measured several
+times a run, since such a machine changes from one moment to the next. Stages are those that the core tells
+of, of one shape prepared alone and of the match of prepared ones; factorisation, a part of the eigenpairs,
+is a kernel. Every run of a peer is a process of its own, which can be stopped when it takes too long.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ SOURCES = 20
 PEER_LIMIT_SECONDS = 120
 # Above, the kernels are not run on the given mesh, since a match runs them on a simplified one.
 LARGEST_FOR_KERNELS = 60_000
+# Up to there ours are so short that they are measured so often in a run.
+TIMES_A_RUN = 3
 # Growth is fitted from here on, where the fixed part of the work no longer counts most.
 FITTED_FROM = 45_000
 # Larger characters are finer meshes of one of this size.
@@ -122,43 +125,19 @@ def _pair(size: int) -> dict:
 
 def measure(path: str, runs: int, peers: bool) -> None:
     """Prints one record: times in seconds, peak memory in MB, mean error ×100 √area."""
-    import sgmds
-
     pair = np.load(path)
     source, target = ((pair[f"{n}_vertices"], pair[f"{n}_faces"]) for n in ("source", "target"))
     before = _peak_memory()
-    times = defaultdict(list)
+    times: dict[str, list[float]] = defaultdict(list)
     threads: dict[str, int] = {}
     peaks: dict[str, float] = {}
     corr = None
+    is_short = len(source[0]) <= LARGEST_FOR_KERNELS
     for _ in range(runs):
-        started = time.perf_counter()
-        corr = sgmds.match(source, target)
-        times["pair"].append(time.perf_counter() - started)
-
-        started = time.perf_counter()
-        corr.transfer(source[0])
-        times["transfer"].append(time.perf_counter() - started)
-
-        stages = _StageClock()
-        started = time.perf_counter()
-        shapes = [sgmds.Shape(*source, progress=stages)]
-        times["prepare"].append(time.perf_counter() - started)
-        stages.finish()
-        shapes.append(sgmds.Shape(*target))
-        started = time.perf_counter()
-        sgmds.match(*shapes)
-        times["match_prepared"].append(time.perf_counter() - started)
-        # Once more for its stages: told of them, a match takes a few milliseconds more.
-        stages.resume()
-        sgmds.match(*shapes, progress=stages)
-        stages.finish()
-        del shapes
-        for stage, seconds in stages.seconds.items():
-            times["stage " + stage].append(seconds)
-            peaks.setdefault(stage, stages.peaks[stage] - before)
-        if peers and len(source[0]) <= LARGEST_FOR_KERNELS:
-            _time_kernels(source, times)
+        for _ in range(TIMES_A_RUN if is_short else 1):
+            corr = _time_ours(source, target, times, peaks)
+            if peers and is_short:
+                _time_kernels(source, times)
         for peer in PEERS if peers else ():
             _time_peer(peer, path, times, threads)
     assert corr is not None
@@ -174,12 +153,43 @@ def measure(path: str, runs: int, peers: bool) -> None:
         "error": float(100 * np.linalg.norm(images - pair["points"], axis=1).mean() / np.sqrt(area)),
         "grade": corr.quality.grade,
         "threads": threads,
-        "stage_peaks_mb": peaks,
+        "stage_peaks_mb": {stage: peak - before for stage, peak in peaks.items()},
     }
     record |= {name: float(np.median(values)) for name, values in times.items() if values}
     # A peer that was stopped has no times.
     record |= {peer: None for peer in PEERS if peers and not times[peer]}
     print(json.dumps(record))
+
+
+def _time_ours(source, target, times: dict, peaks: dict[str, float]):
+    """Times of a pair, of what can be prepared of it, and of each stage, with the memory until its end."""
+    import sgmds
+
+    started = time.perf_counter()
+    corr = sgmds.match(source, target)
+    times["pair"].append(time.perf_counter() - started)
+
+    started = time.perf_counter()
+    corr.transfer(source[0])
+    times["transfer"].append(time.perf_counter() - started)
+
+    stages = _StageClock()
+    started = time.perf_counter()
+    shapes = [sgmds.Shape(*source, progress=stages)]
+    times["prepare"].append(time.perf_counter() - started)
+    stages.finish()
+    shapes.append(sgmds.Shape(*target))
+    started = time.perf_counter()
+    sgmds.match(*shapes)
+    times["match_prepared"].append(time.perf_counter() - started)
+    # Once more for its stages: told of them, a match takes a few milliseconds more.
+    stages.resume()
+    sgmds.match(*shapes, progress=stages)
+    stages.finish()
+    for stage, seconds in stages.seconds.items():
+        times["stage " + stage].append(seconds)
+        peaks.setdefault(stage, stages.peaks[stage])
+    return corr
 
 
 def _time_kernels(mesh, times: dict) -> None:
