@@ -222,3 +222,65 @@ impl Trials<'_> {
 fn split(row: &[f32]) -> (&[f32; COMPARED], &[f32]) {
     row.split_first_chunk().unwrap_or((&[0.0; COMPARED], row))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_nearest_of_many_around_an_image_is_found_in_rows_of_any_length() {
+        // A hub with more vertices around it than are compared at once.
+        let around = 5 * AT_ONCE as u32 / 2;
+        let spokes = (1..=around).flat_map(|v| [(0, v), (v, 0)]);
+        let edges = Adjacency::from_lists(around as usize + 1, spokes);
+        let alone = Adjacency::empty(1);
+        for dims in [3, COMPARED, 2 * COMPARED + 5] {
+            let rows = |count: u32, phase: f32| {
+                let mut rows = Rows::zeros(count as usize, dims);
+                for (i, x) in rows.data.iter_mut().enumerate() {
+                    *x = (phase * (i * i) as f32).sin();
+                }
+                rows
+            };
+            let answering = rows(around + 1, 0.7);
+            for question in 0..20u8 {
+                let asking = rows(1, 0.3 + f32::from(question));
+                let distance = |v: &u32| {
+                    let row = answering.row(*v as usize).iter();
+                    let squares = row.zip(asking.row(0)).map(|(x, y)| (x - y) * (x - y));
+                    squares.sum::<f32>()
+                };
+                let mut images = Images::unknown(1);
+                images.vertex[0] = 0;
+                images
+                    .settle(&[0], (&asking, &alone), (&answering, &edges), 1, &|| Ok(()))
+                    .expect("not cancelled");
+                let nearest = (0..=around).min_by(|a, b| distance(a).total_cmp(&distance(b)));
+                assert_eq!(Some(images.vertex[0]), nearest, "{dims} {question}");
+                // Rounding of a sum in another order.
+                assert!((images.cost[0] - distance(&images.vertex[0])).abs() < 1e-5 * dims as f32);
+            }
+        }
+    }
+
+    #[test]
+    fn images_spread_from_one_vertex_to_all() {
+        // On a ring every vertex is nearest to itself, and its neighbours' images lead there.
+        let count = 50u32;
+        let edges = (0..count).flat_map(|v| [(v, (v + 1) % count), (v, (v + count - 1) % count)]);
+        let ring = Adjacency::from_lists(count as usize, edges);
+        let mut rows = Rows::zeros(count as usize, 2);
+        for (v, row) in (0u8..).zip(rows.data.chunks_exact_mut(2)) {
+            let angle = f32::from(v) / count as f32 * std::f32::consts::TAU;
+            row.copy_from_slice(&[angle.cos(), angle.sin()]);
+        }
+        let ids: Vec<u32> = (0..count).collect();
+        let mut images = Images::unknown(count as usize);
+        images.vertex[17] = 3;
+        images
+            .settle(&ids, (&rows, &ring), (&rows, &ring), 1, &|| Ok(()))
+            .expect("not cancelled");
+        assert_eq!(images.vertex, ids);
+        assert!(images.cost.iter().all(|&cost| cost == 0.0));
+    }
+}
