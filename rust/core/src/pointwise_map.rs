@@ -136,9 +136,9 @@ pub struct Distances {
 }
 
 impl Distances {
-    /// From so many vertices.
+    /// Room for those from so many vertices.
     #[must_use]
-    pub fn from(count: usize) -> Self {
+    pub fn with_room(count: usize) -> Self {
         Self {
             query: 0,
             asked_by: vec![0; count],
@@ -233,7 +233,7 @@ pub fn projected(
         .par_iter()
         .enumerate()
         .map_init(
-            || Distances::from(source.rows.count()),
+            || Distances::with_room(source.rows.count()),
             |distances, (i, &image)| {
                 check()?;
                 Ok(source.nearest_around(image, target.row(i), distances))
@@ -501,7 +501,7 @@ mod tests {
             }
         }
         let triangles = EmbeddedTriangles::new(&shape, &rows);
-        let mut distances = Distances::from(rows.count());
+        let mut distances = Distances::with_room(rows.count());
         for v in (0..shape.mass.len() as u32).step_by(7) {
             // Over a face of the vertex, off the surface, and nearest to that vertex.
             let face = shape.vertex_faces.row(v as usize)[0];

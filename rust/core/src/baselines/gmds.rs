@@ -210,7 +210,7 @@ impl<'a> Placement<'a> {
             }
         }
         let vertex = nearest(&query, &self.fields);
-        let mut distances = Distances::from(self.fields.count());
+        let mut distances = Distances::with_room(self.fields.count());
         EmbeddedTriangles::new(self.source, &self.fields).nearest_around(
             vertex[0],
             query.row(0),
