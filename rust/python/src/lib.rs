@@ -314,6 +314,7 @@ impl RawMatch {
         for (role, shape) in [("source", &self.source), ("target", &self.target)] {
             reasons.extend(quality::left_out(role, &shape.mesh.report));
         }
+        reasons.extend(self.found.remarks.iter().cloned());
         dict.set_item("grade", grade.name())?;
         dict.set_item("reasons", reasons)?;
         if let Some(figures) = &self.found.figures {

@@ -27,6 +27,8 @@ pub(super) struct Completed<'a> {
     pub(super) distortion: Vec<f64>,
     /// Source vertex of each target vertex.
     pub(super) images: Vec<u32>,
+    /// What could not be done for it.
+    pub(super) remarks: Vec<String>,
 }
 
 impl Completed<'_> {
@@ -61,6 +63,7 @@ impl Completed<'_> {
             ..hypothesis.figures
         });
         found.shares = hypothesis.shares;
+        found.remarks = self.remarks;
         Ok(found)
     }
 }
@@ -143,6 +146,7 @@ fn with_figures<'a>(
         distortion: distortion?,
         images,
         state,
+        remarks: Vec::new(),
     })
 }
 

@@ -46,6 +46,8 @@ pub struct Correspondence {
     pub figures: Option<Figures>,
     /// Which shape was taken as a part of the other.
     pub shares: Shares,
+    /// What could not be done for it, in words.
+    pub remarks: Vec<String>,
     /// How the paper's minimisation ended; nothing for the automatic method.
     pub convergence: Option<Convergence>,
     /// Target vertices without an image of their own.
@@ -247,6 +249,7 @@ fn in_given_numbering(
         points: Vec::new(),
         figures: None,
         shares: Shares::BOTH,
+        remarks: Vec::new(),
         convergence: None,
         unmatched: 0,
         others: Vec::new(),

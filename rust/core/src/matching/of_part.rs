@@ -5,7 +5,7 @@ use std::ops::Range;
 use faer::Mat;
 
 use super::completed::{Completed, judged, ranked};
-use crate::error::Result;
+use crate::error::{Error, Result};
 use crate::hints::Which;
 use crate::pair::{Pair, Part, Shares};
 use crate::part_relocation;
@@ -221,8 +221,8 @@ pub(super) fn refine_on_covered<'a>(
     };
     for round in 0..COVERED_ROUNDS {
         let within = |f: f64| report("refinement", (round as f64 + f) / COVERED_ROUNDS as f64);
-        let found = covered::refined_on_covered(pair, &map.state, progress, &within)?;
-        let Some(state) = found else {
+        let found = covered::refined_on_covered(pair, &map.state, progress, &within);
+        let Some(state) = unless_impossible(found, &mut map.remarks)? else {
             return Ok(());
         };
         let found = ranked(pair, &as_part, state, progress)?;
@@ -234,4 +234,41 @@ pub(super) fn refine_on_covered<'a>(
         *map = found;
     }
     Ok(())
+}
+
+/// Nothing, and a remark, where a piece of a shape has no spectrum: the map goes without, since what was given has one.
+fn unless_impossible<T>(found: Result<Option<T>>, remarks: &mut Vec<String>) -> Result<Option<T>> {
+    match found {
+        Err(reason @ (Error::NotFactorised { .. } | Error::NotConverged { .. })) => {
+            remarks.push(format!(
+                "the map was not refined on what the part covers alone: there {reason}"
+            ));
+            Ok(None)
+        }
+        found => found,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_piece_without_a_spectrum_is_remarked_and_everything_else_is_an_error() {
+        let mut remarks = Vec::new();
+        let impossible = Error::NotConverged {
+            found: 143,
+            wanted: 150,
+            residual: 1e-3,
+        };
+        assert_eq!(
+            unless_impossible::<()>(Err(impossible), &mut remarks),
+            Ok(None)
+        );
+        assert!(remarks[0].contains("143 of 150"), "{remarks:?}");
+        assert_eq!(unless_impossible(Ok(Some(1)), &mut remarks), Ok(Some(1)));
+        let cancelled = unless_impossible::<()>(Err(Error::Cancelled), &mut remarks);
+        assert_eq!(cancelled, Err(Error::Cancelled));
+        assert_eq!(remarks.len(), 1);
+    }
 }
