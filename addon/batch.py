@@ -5,6 +5,7 @@ import dataclasses
 import glob
 import importlib
 import os
+import secrets
 import time
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
@@ -392,7 +393,7 @@ def save(output):
     """Write the file beside its place and move it there when it is complete."""
     output = Path(output).absolute()
     output.parent.mkdir(parents=True, exist_ok=True)
-    temporary = output.with_name(f".{output.stem}.{os.getpid()}.blend")
+    temporary = output.with_name(f".{output.stem}.{secrets.token_hex(4)}.blend")
     try:
         bpy.ops.wm.save_as_mainfile(filepath=str(temporary), copy=True, check_existing=False)
         os.replace(temporary, output)

@@ -8,6 +8,7 @@ error, a line each.
 import argparse
 import json
 import os
+import secrets
 import signal
 import sys
 from pathlib import Path
@@ -18,6 +19,8 @@ from . import batch, core
 from .transfer import KINDS
 
 DONE, FAILED, WRONG_USAGE, CANCELLED = 0, 1, 2, 130
+# How a report begins, by which an earlier one is known.
+REPORT_BEGINNING = b'{\n "blender": '
 _command = None
 
 
@@ -27,6 +30,8 @@ def run(arguments):
         wishes = _wishes(arguments)
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else WRONG_USAGE
+    if wishes.json and not wishes.overwrite and _is_anothers(Path(wishes.json)):
+        return _fail(f"{wishes.json} is there already and is no report: give another --json, or --overwrite")
     report = {"blender": bpy.app.version_string, "step": wishes.step, "files": []}
     previous = signal.getsignal(signal.SIGINT)
     # Without a window Blender keeps Ctrl-C to itself.
@@ -161,11 +166,22 @@ def _jobs(wishes):
     return [job], {}
 
 
+def _is_anothers(path):
+    """Whether a file is there that is neither a report nor empty."""
+    if not path.is_file():
+        return False
+    with open(path, "rb") as file:
+        head = file.read(len(REPORT_BEGINNING))
+    return not REPORT_BEGINNING.startswith(head)
+
+
 def _write_whole(path, text):
     path.parent.mkdir(parents=True, exist_ok=True)
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
+    temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
+    file = open(temporary, "x", encoding="utf-8")
     try:
-        temporary.write_text(text, encoding="utf-8")
+        with file:
+            file.write(text)
         os.replace(temporary, path)
     finally:
         temporary.unlink(missing_ok=True)

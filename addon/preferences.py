@@ -51,7 +51,8 @@ class SPECTRAL_MATCH_preferences(AddonPreferences):
     cache_folder: StringProperty(
         name="Cache Folder",
         subtype="DIR_PATH",
-        description="Where prepared meshes are kept. Empty is a folder of this extension's own",
+        description="Where prepared meshes are kept, in a sub-folder sgmds-shapes; other files there "
+        "are left alone. Empty is a folder of this extension's own",
     )
     cache_gigabytes: FloatProperty(
         name="Cache Size (GB)",

@@ -79,7 +79,10 @@ class SPECTRAL_MATCH_OT_clear_cache(Step, Operator):
         storage = preferences.storage(context)
         if storage is None:
             raise UnusableObjectError("No meshes are kept on disk: Keep Prepared Meshes is off")
-        prepared.clear(storage)
+        try:
+            prepared.clear(storage)
+        except OSError as reason:
+            raise UnusableObjectError(f"The cache cannot be cleared: {reason}") from reason
         self.report({"INFO"}, f"No prepared meshes are left in {storage.folder}")
         return {"FINISHED"}
 

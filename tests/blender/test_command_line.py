@@ -145,6 +145,31 @@ def test_failure_has_a_status_and_words(pair, capsys, tmp_path, monkeypatch, arg
     assert not list(tmp_path.iterdir())
 
 
+def test_a_report_replaces_reports_alone(pair, tmp_path, capsys):
+    report, output = tmp_path / "report.json", tmp_path / "out.blend"
+    words = [
+        "match",
+        "--source",
+        "Nobody",
+        "--target",
+        "Target",
+        "--output",
+        str(output),
+        "--json",
+        str(report),
+    ]
+    report.write_text('{"mine": 1}')
+    assert command_line.run(words) == 1
+    assert "is no report" in capsys.readouterr().err and report.read_text() == '{"mine": 1}'
+    report.unlink()
+    for _ in range(2):
+        assert command_line.run(words) == 1
+        assert "Nobody" in capsys.readouterr().err and json.loads(report.read_text())["status"] == 1
+    report.write_text('{"mine": 1}')
+    command_line.run([*words, "--overwrite"])
+    assert json.loads(report.read_text())["status"] == 1
+
+
 @pytest.mark.parametrize("place", ["folder", "file/out.blend"])
 def test_what_cannot_be_saved_is_a_failure(pair, tmp_path, place):
     (tmp_path / "folder").mkdir()

@@ -68,7 +68,10 @@ def test_prepared_meshes_outlive_the_session(made, tmp_path):
     again = prepared.shape(vertices, faces, storage, progress=None, threads=None)
     assert len(made) == 1 and again is not first
     np.testing.assert_array_equal(again.eigenvalues, first.eigenvalues)
+    users = tmp_path / "kept" / "hero--orc.npz"
+    np.savez(users, a=np.arange(3))
     prepared.clear(storage)
+    assert users.exists() and not list((tmp_path / "kept" / "sgmds-shapes").glob("*.npz"))
     prepared.forget()
     prepared.shape(vertices, faces, storage, progress=None, threads=None)
     assert len(made) == 2

@@ -16,7 +16,7 @@ import pytest
 import sgmds
 from hypothesis import given
 from hypothesis import strategies as st
-from sgmds import batch
+from sgmds import archive, batch, correspondence
 from sgmds.batch import journal, manifest, processes, work
 from sgmds.batch.manifest import Batch, Pair, ShapeFile
 from sgmds.cli import main
@@ -366,11 +366,36 @@ def test_a_scheduler_loses_nothing_when_a_worker_is_killed(meshes, cache, tmp_pa
 
 
 def test_what_killed_workers_left_of_maps_is_removed(tmp_path):
-    kept = {"a.npz", ".a.npz.note", ".b.npz.01234567"}
+    kept = {"a.npz", ".a.npz.note", ".b.npz.01234567", ".a.npz.0000ffff"}
     for name in (*kept, ".a.npz.01234567", ".a.npz.89abcdef"):
         (tmp_path / name).touch()
-    clear_remains([tmp_path / "a.npz", tmp_path / "none" / "b.npz"])
+    np.savez(tmp_path / ".a.npz.0000ffff.npz", results=np.arange(3))
+    (tmp_path / ".a.npz.0000ffff.npz").rename(tmp_path / ".a.npz.0000ffff")
+    archive.write(tmp_path / ".a.npz.89abcdef", correspondence.FORMAT, 1, faces=np.arange(1000))
+    clear_remains([tmp_path / "a.npz", tmp_path / "none" / "b.npz"], correspondence.is_map)
     assert {path.name for path in tmp_path.iterdir()} == kept
+
+
+@pytest.mark.parametrize("name", ["pairs.csv", "distances.png", "report.json", "maps/ant--bee.npz"])
+def test_files_of_others_are_not_replaced(meshes, cache, tmp_path, capsys, name):
+    path = everyone(meshes, tmp_path)
+    place = path.with_suffix("") / name
+    place.parent.mkdir(parents=True)
+    place.write_text("mine")
+    assert main(["batch", str(path), "--cache", str(cache)]) == 1
+    assert f"{place}: is there" in capsys.readouterr().err and place.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["journal.jsonl", "runs.jsonl"])
+@pytest.mark.parametrize("option", ["--resume", "--overwrite"])
+def test_a_journal_of_others_is_left_alone(meshes, cache, tmp_path, capsys, name, option):
+    path = everyone(meshes, tmp_path)
+    place = path.with_suffix("") / name
+    place.parent.mkdir()
+    place.write_text('{"day": 1}\n')
+    assert main(["batch", str(path), option, "--cache", str(cache)]) == 1
+    assert str(place) in capsys.readouterr().err and place.read_text() == '{"day": 1}\n'
+    assert [found.name for found in place.parent.iterdir() if found.name != ".lock"] == [name]
 
 
 def test_a_missing_package_is_named_with_its_extra(meshes, cache, tmp_path, capsys, monkeypatch):

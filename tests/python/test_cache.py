@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 import time
+import warnings
 
 import numpy as np
 import pytest
@@ -53,7 +54,10 @@ def test_key_is_the_content(bodies):
     assert key != mesh_key(vertices, np.roll(faces, 1, axis=1))
 
 
-@pytest.mark.parametrize("damage", ["cut", "flip", "empty", "other mesh", "not ours"])
+DAMAGES = ["cut", "flip", "head", "empty", "other mesh", "other arrays", "not ours"]
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
 def test_damage_is_noticed_and_mended(bodies, tmp_path, damage):
     cache = ShapeCache(tmp_path)
     good = cache.shape(*bodies[0])
@@ -64,14 +68,29 @@ def test_damage_is_noticed_and_mended(bodies, tmp_path, damage):
     elif damage == "flip":
         content[len(content) // 2] ^= 1
         entry.write_bytes(content)
+    elif damage == "head":
+        content[:200] = bytes(200)
+        entry.write_bytes(content)
+    elif damage == "other arrays":
+        # Whole and of the right mesh, but not what was computed of it.
+        with np.load(entry) as held:
+            arrays = dict(held)
+        arrays["values"] = arrays["values"] * 1.1
+        np.savez(entry, **arrays)
     elif damage == "empty":
         entry.write_bytes(b"")
     elif damage == "other mesh":
         sgmds.Shape(*bodies[1]).save(entry)
     else:
         np.savez(entry, something=np.arange(3))
-    with pytest.warns(RuntimeWarning, match="again"):
+    damaged = entry.read_bytes()
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
         mended = cache.shape(*bodies[0])
+    assert "again" in str(told[0].message)
+    # What does not begin as an entry is somebody's, even under an entry's name.
+    aside = [path.read_bytes() for path in cache.folder.glob("*.aside")]
+    assert aside == ([damaged] if damage in ("head", "empty", "not ours") else [])
     assert equal(good, mended) and cache.damaged == 1
     assert equal(good, cache.shape(*bodies[0])) and cache.hits == 1
 
@@ -93,11 +112,81 @@ def test_size_is_bounded_and_the_oldest_go_first(bodies, tmp_path):
 
 
 def test_left_over_temporary_files_go(bodies, tmp_path):
-    for name, age in ((".dead.npz.x1", 7200), (".busy.npz.x2", 0)):
-        (tmp_path / name).write_bytes(b"half")
-        os.utime(tmp_path / name, (time.time() - age,) * 2)
-    ShapeCache(tmp_path).shape(*bodies[0])
-    assert not (tmp_path / ".dead.npz.x1").exists() and (tmp_path / ".busy.npz.x2").exists()
+    cache = ShapeCache(tmp_path)
+    cache.shape(*bodies[0])
+    (entry,) = cache.entries()
+    half = entry.read_bytes()[:5000]
+    key = entry.name
+    left = {
+        f".{key}.0123abcd": (half, 7200, True),
+        f".{key}.0123abce": (b"", 7200, True),
+        f".{key}.0123abcf": (half, 0, False),
+        f".{key}.0123abc0": (b"somebody's", 7200, False),
+        ".map.npz.0123abcd": (half, 7200, False),
+    }
+    for name, (content, age, _) in left.items():
+        (cache.folder / name).write_bytes(content)
+        os.utime(cache.folder / name, (time.time() - age,) * 2)
+    cache.shape(*bodies[1])
+    assert {name for name in left if not (cache.folder / name).exists()} == {
+        name for name, (_, _, goes) in left.items() if goes
+    }
+
+
+def contents(folder):
+    return {path.relative_to(folder): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def with_others(bodies, tmp_path):
+    """A chosen folder that holds files of the user, with names and contents like those of the cache."""
+    shape = sgmds.Shape(*bodies[2])
+    for folder in (tmp_path, tmp_path / "sgmds-shapes"):
+        folder.mkdir(exist_ok=True)
+        np.savez(folder / "results.npz", a=np.arange(10))
+        # The name of an entry, and not its content.
+        np.savez(folder / f"{'0123456789' * 4}.npz", a=np.arange(10))
+        (folder / f"{'abcdef0123' * 4}.npz").write_bytes(b"PK\3\4" + b"notes" * 100)
+        (folder / f"{'abcdef0124' * 4}.npz").write_bytes(b"")
+        # Its content, and not its name.
+        shape.save(folder / "hero.npz")
+        sgmds.match(shape, shape).save(folder / "hero--hero.npz")
+        (folder / "picture.png").write_bytes(b"\x89PNG")
+    for path in tmp_path.rglob("*.*"):
+        os.utime(path, (1, 1))
+    return tmp_path
+
+
+def test_only_its_own_entries_ever_go(bodies, with_others):
+    before = contents(with_others)
+    cache = ShapeCache(with_others, limit=1)
+    cache.shape(*bodies[0])
+    assert cache.entries() == [], "the limit was reached by one shape"
+    roomy = ShapeCache(with_others)
+    roomy.shape(*bodies[0])
+    roomy.shape(*bodies[1])
+    assert len(roomy.entries()) == 2
+    roomy.clear()
+    assert roomy.entries() == []
+    after = {path: content for path, content in contents(with_others).items() if path.parent.name != "locks"}
+    assert after == before
+
+
+def test_entries_of_versions_without_a_subfolder_come_into_it(bodies, with_others):
+    cache = ShapeCache(with_others)
+    before = contents(with_others)
+    cache.shape(*bodies[0])
+    (entry,) = cache.entries()
+    entry.rename(with_others / entry.name)
+    older = f"{'0a' * 20}.npz"
+    np.savez(with_others / older, format="sgmds-shape", version=4, vertices=bodies[0][0], faces=bodies[0][1])
+    cache.shape(*bodies[1])
+    assert {path.name for path in cache.entries()} >= {entry.name, older}
+    assert not (with_others / entry.name).exists() and not (with_others / older).exists()
+    cache.shape(*bodies[0])
+    assert cache.hits == 1
+    cache.clear()
+    assert cache.entries() == [] and before.items() <= contents(with_others).items()
 
 
 def test_without_a_place_the_shape_comes_all_the_same(bodies, tmp_path):

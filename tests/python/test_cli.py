@@ -64,6 +64,38 @@ def test_a_map_without_a_folder_is_refused_before_any_work(files, tmp_path, monk
     assert f"the folder {tmp_path} cannot be written to" in capsys.readouterr().err
 
 
+def test_a_map_replaces_only_what_was_saved_here(files, tmp_path, monkeypatch, capsys):
+    good, place = str(files / "slender.obj"), tmp_path / "map.npz"
+    assert main(["match", good, good, "-o", str(place)]) == 0
+    assert main(["match", good, good, "-o", str(place)]) == 0
+    capsys.readouterr()
+    corr = sgmds.Correspondence.load(place)
+    np.savez(place, results=np.arange(10))
+    mine = place.read_bytes()
+    monkeypatch.setattr(sgmds, "match", None)
+    assert main(["match", good, good, "-o", str(place)]) == 1
+    assert f"{place}: is there already" in capsys.readouterr().err
+    with pytest.raises(FileExistsError):
+        corr.save(place)
+    assert place.read_bytes() == mine
+
+
+@pytest.mark.parametrize(
+    "command",
+    [["evaluate", "DATA", "--json"], ["evaluate", "DATA", "--plot"], ["reproduce", "noise", "DATA", "--json"]]
+    + [["bench", "--sizes", "10", "--json"]],
+)
+def test_figures_and_pictures_replace_nothing_unless_told(command, tmp_path, capsys):
+    place = tmp_path / "mine.svg"
+    place.write_text("mine")
+    assert main([*command, str(place)]) == 1
+    assert f"{place}: is there already" in capsys.readouterr().err
+    # The work then fails for other reasons.
+    assert main([*command, str(place), "--overwrite"]) == 1
+    assert "there already" not in capsys.readouterr().err
+    assert place.read_text() == "mine"
+
+
 @pytest.mark.parametrize(
     ("command", "option"),
     [

@@ -4,6 +4,8 @@ import contextlib
 import functools
 import hashlib
 import os
+import re
+import secrets
 import sys
 import time
 import warnings
@@ -11,10 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
-from . import _core
+from . import _core, archive
 from .errors import Cancelled, SgmdsError
 from .locks import try_lock
-from .shape import Shape, checked_mesh
+from .shape import FORMAT, Shape, checked_mesh
+from .whole_file import REMAINS
+
+SUBFOLDER = "sgmds-shapes"
+"""Of the folder that was chosen, which may hold anything: everything kept is in there, and nothing else of it
+is touched."""
+ENTRY = r"[0-9a-f]{40}\.npz"
+"""Name of an entry: its mesh's key."""
 
 LIMIT_BYTES = 10 * 2**30
 """Size of a cache unless told otherwise: some 800 shapes of 20,000 vertices."""
@@ -62,10 +71,14 @@ class ShapeCache:
     read, told of and made again. The least recently used entries go when all together exceed
     `limit`. A folder that cannot be written to costs a warning and time, not the result.
 
+    The folder may hold other files. Entries are in a sub-folder, and only what is an entry by its name (the
+    key of a mesh) and by its content is ever removed or replaced. Entries beside the sub-folder, where
+    versions without one keep them, are moved into it when there is something to write or to clear.
+
     Parameters
     ----------
     folder : path, optional
-        By default `default_folder()`.
+        By default `default_folder()`; the entries are in its sub-folder `sgmds-shapes`.
     limit : int
         Bytes that the entries may take together.
     warn : callable, optional
@@ -73,12 +86,15 @@ class ShapeCache:
 
     Attributes
     ----------
+    folder : Path
+        The sub-folder that holds the entries.
     hits, misses, damaged : int
         Shapes that came from disk, that were prepared, and, among these, whose entry was unusable.
     """
 
     def __init__(self, folder=None, limit=LIMIT_BYTES, warn=None):
-        self.folder = Path(folder) if folder is not None else default_folder()
+        self._chosen = Path(folder) if folder is not None else default_folder()
+        self.folder = self._chosen / SUBFOLDER
         self.limit = limit
         self.warn = warn or (lambda words: warnings.warn(words, RuntimeWarning, stacklevel=4))
         self.hits = self.misses = self.damaged = 0
@@ -107,6 +123,7 @@ class ShapeCache:
             except SgmdsError as error:
                 self.damaged += 1
                 self.warn(f"{error} (done)")
+                self._set_aside(path)
             shape = Shape(vertices, faces, progress=progress, threads=threads)
             self.misses += 1
             try:
@@ -118,12 +135,7 @@ class ShapeCache:
 
     def entries(self) -> list[Path]:
         """Files of the shapes kept, least recently used first."""
-        stamps = []
-        for path in self.folder.glob("*.npz"):
-            # Another process may be making room.
-            with contextlib.suppress(FileNotFoundError):
-                stamps.append((path.stat().st_mtime_ns, path))
-        return [path for _, path in sorted(stamps)]
+        return self._entries_in(self.folder)
 
     def clear(self):
         """Removes every shape kept."""
@@ -139,8 +151,39 @@ class ShapeCache:
         self.hits += 1
         return shape
 
+    def _entries_in(self, folder):
+        """Files that are entries by name and content, least recently used first."""
+        stamps = []
+        for path in folder.glob("*.npz"):
+            # Another process may be making room.
+            with contextlib.suppress(FileNotFoundError):
+                if re.fullmatch(ENTRY, path.name) and archive.kind_of(path) == FORMAT:
+                    stamps.append((path.stat().st_mtime_ns, path))
+        return [path for _, path in sorted(stamps)]
+
+    def _set_aside(self, path):
+        """Gives a file that has an entry's name, but does not begin as one, another name."""
+        if archive.kind_of(path) != FORMAT:
+            aside = path.with_name(f"{path.name}.{secrets.token_hex(4)}.aside")
+            try:
+                path.rename(aside)
+            except OSError as error:
+                self._warn_unwritable(error)
+            else:
+                self.warn(f"{path}: does not begin as a prepared shape and is kept as {aside.name}")
+
+    def _move_in(self):
+        """Entries beside the sub-folder come into it; one that is there already stays."""
+        for path in self._entries_in(self._chosen):
+            place = self.folder / path.name
+            # It may be in use, or gone by now.
+            with contextlib.suppress(FileNotFoundError, PermissionError):
+                if not place.exists():
+                    path.rename(place)
+
     def _make_room(self, limit):
         with self._acquire("room", None):
+            self._move_in()
             sizes = {}
             for path in self.entries():
                 with contextlib.suppress(FileNotFoundError):
@@ -153,10 +196,18 @@ class ShapeCache:
                 with contextlib.suppress(PermissionError):
                     path.unlink(missing_ok=True)
                     excess -= size
-            for path in self.folder.glob(".*.npz.*"):
+            for path in self.folder.glob(".*"):
+                name = re.fullmatch(REMAINS, path.name)
                 with contextlib.suppress(FileNotFoundError, PermissionError):
-                    if time.time() - path.stat().st_mtime > ABANDONED_SECONDS:
+                    if name and re.fullmatch(ENTRY, name[1]) and self._is_abandoned(path):
                         path.unlink()
+
+    @staticmethod
+    def _is_abandoned(path):
+        """Whether a temporary file is of a shape, or empty, and nobody has written to it for long."""
+        state = path.stat()
+        old = time.time() - state.st_mtime > ABANDONED_SECONDS
+        return old and (not state.st_size or archive.kind_of(path) == FORMAT)
 
     def _warn_unwritable(self, error):
         self.warn(f"{self.folder}: shapes cannot be kept here and are prepared each time ({error})")

@@ -31,6 +31,8 @@ def main(arguments: list[str] | None = None) -> int:
     import sgmds
 
     try:
+        if fault := _fault_of_replacing(options):
+            return _fail(fault)
         return options.run(options) or 0
     except (KeyboardInterrupt, sgmds.Cancelled):
         print("cancelled", file=sys.stderr)
@@ -58,7 +60,9 @@ def _parser() -> argparse.ArgumentParser:
         help="mesh that carries the data: .obj .off .ply .stl .glb, or .gz of the first three",
     )
     match.add_argument("target", type=Path, help="mesh that receives it")
-    match.add_argument("-o", "--output", type=Path, required=True, metavar="MAP.npz")
+    match.add_argument(
+        "-o", "--output", type=Path, required=True, metavar="MAP.npz", help="a map that is there is replaced"
+    )
     match.add_argument("--method", choices=METHODS, default="auto")
     match.add_argument(
         "--part", choices=("source", "target"), help="which of the two is only a part of the other"
@@ -121,6 +125,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     evaluate.add_argument("-q", "--quiet", action="store_true", help="the summary only")
     _add_common(evaluate)
+    _add_overwrite(evaluate)
     evaluate.set_defaults(run=_evaluate)
 
     reproduce = commands.add_parser(
@@ -136,6 +141,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     reproduce.add_argument("--json", type=_output, metavar="OUT", help="all figures")
     reproduce.add_argument("--plot", type=_picture, metavar="OUT.svg", help="the error curves")
+    _add_overwrite(reproduce)
     reproduce.set_defaults(run=_reproduce, error=reproduce.error)
 
     batch = commands.add_parser("batch", help="match many pairs, unattended", description=_batch.__doc__)
@@ -170,6 +176,7 @@ def _parser() -> argparse.ArgumentParser:
     bench.add_argument("--runs", type=_positive, default=5, metavar="N", help="of which the median counts")
     bench.add_argument("--no-peers", action="store_true", help="only ourselves")
     bench.add_argument("--json", type=_output, metavar="OUT")
+    _add_overwrite(bench)
     bench.set_defaults(run=_bench)
     return parser
 
@@ -177,6 +184,10 @@ def _parser() -> argparse.ArgumentParser:
 def _add_common(parser):
     parser.add_argument("--threads", type=_threads, metavar="N")
     parser.add_argument("--seed", type=int, metavar="N")
+
+
+def _add_overwrite(parser):
+    parser.add_argument("--overwrite", action="store_true", help="replace files of figures and pictures")
 
 
 def _natural(text: str, least: int = 0) -> int:
@@ -211,6 +222,14 @@ def _output(text: str) -> Path:
     if fault := _fault_of_place(path):
         raise argparse.ArgumentTypeError(fault)
     return path
+
+
+def _fault_of_replacing(options) -> str | None:
+    """Words on a file that figures or a picture would replace, which may be somebody's."""
+    for place in (getattr(options, "json", None), getattr(options, "plot", None)):
+        if place and not options.overwrite and place.is_file() and place.stat().st_size:
+            return f"{place}: is there already; please name another file, or replace it with --overwrite"
+    return None
 
 
 def _picture(text: str) -> Path:
@@ -276,12 +295,14 @@ def _match(options) -> int:
     """For every vertex of TARGET, find its point on SOURCE, and save the map."""
     import sgmds
 
+    from . import archive
     from .files import read_mesh
 
     if options.output.suffix != ".npz":
         return _fail(f"{options.output}: the map is saved as .npz; please name it so")
     if fault := _fault_of_place(options.output):
         return _fail(fault)
+    archive.check_replaceable(options.output)
     meshes: list = [read_mesh(options.source), read_mesh(options.target)]
     try:
         with _ProgressBar() as progress:

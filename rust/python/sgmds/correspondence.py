@@ -129,7 +129,13 @@ class Correspondence:
         return carried.reshape(len(self.faces), *values.shape[1:])
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes an .npz that numpy alone can read: all but the alternatives and the quality's figures."""
+        """Writes an .npz that numpy alone can read: all but the alternatives and the quality's figures.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written, or a file is there that this package did not write: that one stays.
+        """
         arrays = {name: getattr(self, name) for name in ARRAYS}
         if self._functional_map is not None or (self._raw is not None and self._raw.functional_map_is_quick):
             arrays["functional_map"] = self.functional_map
@@ -166,6 +172,11 @@ class Correspondence:
             f"Correspondence({len(self.faces)} target vertices, {self.quality.grade}, "
             f"mean confidence {self.confidence.mean():.2f})"
         )
+
+
+def is_map(path: str | os.PathLike[str]) -> bool:
+    """Whether a file begins as a saved map does, which may be damaged further on."""
+    return archive.kind_of(path) == FORMAT
 
 
 def check_weights(barycentric: Floats, confidence: Floats) -> None:

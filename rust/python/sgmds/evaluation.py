@@ -564,7 +564,8 @@ class Evaluation:
             panel.grid(alpha=0.25)
             panel.legend(loc="lower right", frameon=False)
         panels[0].set_ylabel("% of correspondences within")
-        figure.savefig(path, dpi=160)
+        with whole_file(path, binary=True) as file:
+            figure.savefig(file, format=Path(path).suffix[1:], dpi=160)
 
 
 def _mean(values) -> float:

@@ -12,6 +12,7 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from .evaluation import (
     pair_errors,
 )
 from .matching import METHODS, PARTS
+from .whole_file import whole_file
 
 NOISE = (0.0, 0.1, 0.2, 0.4, 0.8)
 """Standard deviations of the noise along the normals, in mean edge lengths."""
@@ -81,7 +83,8 @@ def _plot_curves(results, path):
         panel.grid(alpha=0.25)
         panel.legend(loc="lower right", frameon=False)
     panels[0].set_ylabel("% of correspondences within")
-    figure.savefig(path)
+    with whole_file(path, binary=True) as file:
+        figure.savefig(file, format=Path(path).suffix[1:])
 
 
 def with_noise(vertices, faces, deviation: float, seed: int = 0) -> np.ndarray:

@@ -16,9 +16,10 @@ from . import _core, archive, memory
 from .errors import ArgumentError, MeshError, SgmdsError
 
 FORMAT = "sgmds-shape"
-VERSION = 4
+VERSION = 5
 """2: distances in single precision, large meshes simplified, another operator where a mesh is not regular;
-3: small meshes cut finer; 4: meshes above 9,000 vertices simplified, unevenly."""
+3: small meshes cut finer; 4: meshes above 9,000 vertices simplified, unevenly; 5: a checksum over all
+arrays."""
 METRICS = ("euclidean", "scale-invariant")
 SMALLEST = 1e-140
 """Extent below which areas and eigenvalues leave the range of numbers, as they do above its inverse."""
@@ -267,18 +268,22 @@ class Shape:
         return self._core.report
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Writes a cache file; an existing one is replaced only when the new one is complete."""
-        # Packing would save 4 % of the bytes and take as long as preparing the shape.
-        archive.write(
-            path,
-            FORMAT,
-            VERSION,
-            compressed=False,
-            vertices=self.vertices,
-            faces=self.faces,
-            metric=np.array(self.metric),
+        """Writes an .npz that `load` reads; an earlier one is replaced when the new one is complete.
+
+        Raises
+        ------
+        OSError
+            When it cannot be written, or a file is there that this package did not write: that one stays.
+        """
+        arrays: dict[str, Any] = {
+            "vertices": self.vertices,
+            "faces": self.faces,
+            "metric": np.array(self.metric),
             **self._core.parts,
-        )
+        }
+        arrays[archive.CHECKSUM] = archive.checksum(arrays)
+        # Packing would save 4 % of the bytes and take as long as preparing the shape.
+        archive.write(path, FORMAT, VERSION, compressed=False, **arrays)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> Self:
@@ -287,9 +292,14 @@ class Shape:
         Raises
         ------
         SgmdsError
-            When the file is not ours, of another version, or damaged.
+            When the file is not ours, of another version, or damaged: its checksum covers every array, so
+            that no array counts that was saved with others.
         """
-        arrays = archive.read(path, FORMAT, VERSION, ("vertices", "faces", "metric", *PARTS))
+        names = ("vertices", "faces", "metric", *PARTS)
+        arrays = archive.read(path, FORMAT, VERSION, (*names, archive.CHECKSUM))
+        told = str(arrays[archive.CHECKSUM])
+        if archive.checksum({name: arrays[name] for name in names}) != told:
+            raise SgmdsError(f"{path}: damaged, its arrays are not those of its checksum: make it again")
         shape = cls.__new__(cls)
         try:
             shape.vertices, shape.faces = checked_mesh(arrays["vertices"], arrays["faces"], copy=False)
@@ -300,7 +310,7 @@ class Shape:
                 *(np.ascontiguousarray(arrays[name]) for name in PARTS),
             )
         except (SgmdsError, TypeError, ValueError, OverflowError) as error:
-            raise SgmdsError(f"{path}: damaged ({error})") from error
+            raise SgmdsError(f"{path}: damaged ({error}): make it again") from error
         shape._kept = {}
         return shape
 

@@ -3,10 +3,13 @@
 import os
 import re
 import secrets
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
+
+REMAINS = r"\.(.+)\.[0-9a-f]{8}"
+"""Name of a file that is not yet complete, around the name that it will have."""
 
 
 @contextmanager
@@ -30,13 +33,28 @@ def whole_file(path: str | os.PathLike[str], *, binary: bool = False) -> Iterato
         raise
 
 
-def clear_remains(paths: Iterable[Path]) -> None:
-    """Removes what killed processes left of new files of these names, which nobody may be writing now."""
+def begins_with(path: str | os.PathLike[str], beginning: bytes) -> bool:
+    """Whether a file begins so, or is the beginning of that: empty, or cut short."""
+    with open(path, "rb") as file:
+        head = file.read(len(beginning))
+    return beginning.startswith(head)
+
+
+def clear_remains(paths: Iterable[Path], ours: Callable[[Path], bool]) -> None:
+    """Removes what killed processes left of new files of these names, which nobody may be writing now.
+
+    Of such names only files go that are empty or `ours` by their content.
+    """
     names: dict[Path, set[str]] = {}
     for path in paths:
         names.setdefault(path.parent, set()).add(path.name)
     for folder, wanted in names.items():
         for path in folder.glob(".*"):
-            remains = re.fullmatch(r"\.(.+)\.[0-9a-f]{8}", path.name)
-            if remains and remains[1] in wanted:
+            remains = re.fullmatch(REMAINS, path.name)
+            if (
+                remains
+                and remains[1] in wanted
+                and path.is_file()
+                and (not path.stat().st_size or ours(path))
+            ):
                 path.unlink()

@@ -13,6 +13,8 @@ from .manifest import Batch, Pair
 from .work import Outcome
 
 NAME = "journal.jsonl"
+BEGINNING = b'{"source": '
+"""By which the file is known."""
 
 
 class Journal:

@@ -20,6 +20,8 @@ MATRICES = {
     "local_distortion": "mean change of short distances",
 }
 """Figures of a pair that are also written as a matrix, and what they are called in the picture."""
+NAMES = ("pairs.csv", *(f"{name}.csv" for name in MATRICES), "distances.png", "report.json")
+"""Files of the report."""
 GRADES = ("green", "amber", "red")
 LABELLED = 60
 """Rows of a picture that have room for their names."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import json
 import os
 import time
@@ -12,15 +13,18 @@ from pathlib import Path
 
 from .. import extras
 from ..cache import LIMIT_BYTES
+from ..correspondence import is_map
 from ..errors import ArgumentError, SgmdsError
 from ..files import mesh_format
 from ..locks import try_lock
 from ..shape import checked_count, checked_threads
-from ..whole_file import clear_remains
+from ..whole_file import begins_with, clear_remains
 from . import journal, manifest, processes, report, scheduler, work
 
 RUNS = "runs.jsonl"
 """One line a run: what it did and what it took. Times are here and in the journal, nowhere else."""
+RUNS_BEGINNING = b'{"began": '
+"""By which the file is known."""
 
 
 def run(
@@ -80,6 +84,7 @@ def run(
     formats = {mesh_format(shape.path).removesuffix(".gz") for shape in batch.shapes}
     extras.require("matplotlib", *(["trimesh"] if formats & {"stl", "glb"} else []))
     with _claimed(batch.folder):
+        _check_place(batch, overwrite)
         if journal.exists(batch.folder) and not resume:
             if not overwrite:
                 raise ArgumentError(
@@ -101,12 +106,32 @@ def run(
                 outcomes = scheduler.run(tasks, scheduler_address, settings)
             effort = _follow(batch, kept, outcomes, count, progress, tell)
             pairs = map(batch.pair, range(len(batch)))
-            clear_remains(pair.map for pair in pairs if pair.map is not None)
+            clear_remains((pair.map for pair in pairs if pair.map is not None), is_map)
             summary = report.write(batch, kept.records())
         effort |= {"jobs": jobs, "threads": threads, "scheduler": scheduler_address}
         with open(batch.folder / RUNS, "a", encoding="utf-8") as file:
             file.write(json.dumps(effort) + "\n")
     return summary | {"folder": str(batch.folder), "run": effort}
+
+
+def _check_place(batch, overwrite):
+    """Raises `ArgumentError` when the work would replace a file that no run of a batch has written."""
+    for name, beginning in ((journal.NAME, journal.BEGINNING), (RUNS, RUNS_BEGINNING)):
+        place = batch.folder / name
+        if place.exists() and not begins_with(place, beginning):
+            raise ArgumentError(
+                f"{place}: is not of a run of a batch and would be written to: choose another output folder"
+            )
+    if journal.exists(batch.folder) or overwrite:
+        return
+    maps = (batch.pair(number).map for number in range(len(batch)))
+    reports = (batch.folder / name for name in report.NAMES)
+    for place in itertools.chain(reports, filter(None, maps)):
+        if place.exists():
+            raise ArgumentError(
+                f"{place}: is there, and not of an earlier run: choose another output folder, "
+                "or replace it with --overwrite"
+            )
 
 
 def _task(batch, number) -> work.Task:
@@ -119,7 +144,7 @@ def _follow(batch, kept, outcomes, count, progress, tell) -> dict:
     """Writes down every outcome as it comes; returns what the run took."""
     began, started = datetime.now(UTC), time.perf_counter()
     done = len(batch) - count
-    totals = {"pairs": 0, "failed": 0, "hits": 0, "misses": 0, "cpu_seconds": 0.0}
+    totals = {"pairs": 0, "failed": 0, "hits": 0, "misses": 0, "damaged": 0, "cpu_seconds": 0.0}
     peak = 0
     if progress:
         progress(done, len(batch))
@@ -129,7 +154,7 @@ def _follow(batch, kept, outcomes, count, progress, tell) -> dict:
             kept.add(task.number, outcome)
             done += 1
             totals["pairs"] += 1
-            for name in ("hits", "misses", "cpu_seconds"):
+            for name in ("hits", "misses", "damaged", "cpu_seconds"):
                 totals[name] += outcome.effort.get(name, 0)
             peak = max(peak, outcome.effort.get("peak_mb", 0))
             for note in outcome.notes:

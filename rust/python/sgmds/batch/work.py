@@ -92,6 +92,7 @@ class Worker:
             "cpu_seconds": round(time.process_time() - cpu, 3),
             "hits": cache.hits,
             "misses": cache.misses,
+            "damaged": cache.damaged,
             "peak_mb": round(peak_memory() / 2**20),
         }
         return Outcome(record, effort, notes)
