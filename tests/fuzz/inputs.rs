@@ -5,14 +5,14 @@
 use std::sync::Arc;
 
 use faer::Mat;
-use sgmds_core::eigenbasis::Eigenbasis;
+use sgmds_core::geodesics::metric::Metric;
 use sgmds_core::geodesics::{FastMarching, Workspace};
-use sgmds_core::laplacian::Laplacian;
 use sgmds_core::matching::{self, Options};
 use sgmds_core::mesh::Mesh;
-use sgmds_core::metric::Metric;
-use sgmds_core::progress::Progress;
 use sgmds_core::shape::{CostlyParts, Shape};
+use sgmds_core::spectrum::eigenbasis::Eigenbasis;
+use sgmds_core::spectrum::laplacian::Laplacian;
+use sgmds_core::watch::progress::Progress;
 
 type Soup = (Vec<[f64; 3]>, Vec<[i64; 3]>);
 

@@ -5,14 +5,14 @@ mod common;
 use std::sync::Arc;
 
 use sgmds_core::Error;
+use sgmds_core::geodesics::metric::Metric;
+use sgmds_core::matching::problem::pair::{Coverage, Mirror};
+use sgmds_core::matching::ranking::quality::{Grade, graded};
 use sgmds_core::matching::{self, Correspondence, Method, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
-use sgmds_core::metric::Metric;
-use sgmds_core::pair::{Mirror, Shares};
-use sgmds_core::progress::Progress;
-use sgmds_core::quality::{Grade, graded};
-use sgmds_core::rims;
+use sgmds_core::mesh::boundary;
 use sgmds_core::shape::Shape;
+use sgmds_core::watch::progress::Progress;
 
 use common::{Point, disguised, icosphere, length, lumpy, sub};
 
@@ -211,7 +211,7 @@ fn a_part_finds_its_place_on_the_whole() {
     assert!(faces.len() + 100 < source.1.len());
     let (whole, part) = (prepared(&source.0, &source.1), prepared(&source.0, &faces));
     let options = Options {
-        shares: Some(Shares::TARGET_IS_PART),
+        coverage: Some(Coverage::TARGET_IS_PART),
         ..Options::default()
     };
     let map = found(&whole, &part, &options);
@@ -305,7 +305,7 @@ fn where_many_maps_are_equal_none_is_graded_green() {
     for (vertices, faces) in [ellipsoid(), round] {
         let shape = prepared(&vertices, &faces);
         let map = found(&shape, &shape, &Options::default());
-        let (grade, reasons) = graded(&map.figures.unwrap(), map.shares);
+        let (grade, reasons) = graded(&map.metrics.unwrap(), map.coverage);
         assert_ne!(grade, Grade::Green, "{reasons:?}");
         assert!(
             reasons.iter().any(|r| r.contains("other maps")),
@@ -321,7 +321,7 @@ fn a_mirror_image_is_said_to_look_like_one() {
     let wound: Vec<[i64; 3]> = source.1.iter().map(|&[a, b, c]| [a, c, b]).collect();
     let (a, b) = (prepared(&source.0, &source.1), prepared(&mirrored, &wound));
     let map = found(&a, &b, &Options::default());
-    let (grade, reasons) = graded(&map.figures.unwrap(), map.shares);
+    let (grade, reasons) = graded(&map.metrics.unwrap(), map.coverage);
     assert_ne!(grade, Grade::Green, "{reasons:?}");
     assert!(
         reasons.iter().any(|r| r.contains("mirror image")),
@@ -388,8 +388,8 @@ fn what_a_half_lacks_lies_beyond_its_rim() {
             ids.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
         })
         .collect();
-    let near = rims::nearness(&half);
-    let beyond = rims::beyond(&near, &rims::nearness(&sphere), &images);
+    let near = boundary::nearness(&half);
+    let beyond = boundary::beyond(&near, &boundary::nearness(&sphere), &images);
     for (p, beyond) in points.iter().zip(beyond) {
         if p[2] < -0.2 {
             assert!(beyond > 0.99, "{p:?}: {beyond}");
@@ -400,7 +400,7 @@ fn what_a_half_lacks_lies_beyond_its_rim() {
     }
     let itself: Vec<u32> = (0..half.vertices.len() as u32).collect();
     assert!(
-        rims::beyond(&near, &near, &itself)
+        boundary::beyond(&near, &near, &itself)
             .iter()
             .all(|&b| b == 0.0)
     );

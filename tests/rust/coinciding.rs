@@ -3,10 +3,10 @@
 mod common;
 
 use common::lumpy;
-use sgmds_core::pair::Shares;
-use sgmds_core::progress::Progress;
-use sgmds_core::refinement::coinciding::coinciding;
+use sgmds_core::matching::problem::pair::Coverage;
+use sgmds_core::matching::refinement::coinciding::coinciding;
 use sgmds_core::shape::Shape;
+use sgmds_core::watch::progress::Progress;
 
 type Surface = (Vec<[f64; 3]>, Vec<[i64; 3]>);
 
@@ -20,10 +20,10 @@ fn moved(surface: &Surface, scale: f64, to: [f64; 3]) -> Surface {
 }
 
 /// Which of two surfaces, first the target, lies on the other.
-fn lying(target: &Surface, source: &Surface) -> Option<Shares> {
+fn lying(target: &Surface, source: &Surface) -> Option<Coverage> {
     coinciding(&prepared(target), &prepared(source), &|| Ok(()))
         .expect("nothing cancels")
-        .map(|found| found.shares)
+        .map(|found| found.coverage)
 }
 
 #[test]
@@ -35,9 +35,9 @@ fn a_surface_lies_on_itself_and_a_piece_on_its_whole_wherever_they_are() {
             whole.0.clone(),
             whole.1.iter().filter(upper).copied().collect(),
         );
-        assert_eq!(lying(&whole, &whole), Some(Shares::BOTH));
-        assert_eq!(lying(&piece, &whole), Some(Shares::TARGET_IS_PART));
-        assert_eq!(lying(&whole, &piece), Some(Shares::SOURCE_IS_PART));
+        assert_eq!(lying(&whole, &whole), Some(Coverage::BOTH));
+        assert_eq!(lying(&piece, &whole), Some(Coverage::TARGET_IS_PART));
+        assert_eq!(lying(&whole, &piece), Some(Coverage::SOURCE_IS_PART));
     }
 }
 

@@ -2,10 +2,10 @@
 
 use std::collections::HashMap;
 
+use sgmds_core::algebra::vector::{self, Point};
 use sgmds_core::error::Error;
 use sgmds_core::geodesics::{FastMarching, Seed, Workspace, distances_from, farthest_points};
 use sgmds_core::mesh::Mesh;
-use sgmds_core::vector::{self, Point};
 
 type Triangles = (Vec<Point>, Vec<[i64; 3]>);
 

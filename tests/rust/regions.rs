@@ -3,10 +3,10 @@
 mod common;
 
 use common::lumpy;
-use sgmds_core::progress::Progress;
-use sgmds_core::refinement::regions::better_elsewhere;
+use sgmds_core::algebra::vector::distance;
+use sgmds_core::matching::refinement::regions::better_elsewhere;
 use sgmds_core::shape::Shape;
-use sgmds_core::vector::distance;
+use sgmds_core::watch::progress::Progress;
 
 /// The identity but for a cap about one pole, which is turned about the axis through it.
 fn with_turned_cap(shape: &Shape, pole: f64, angle: f64) -> Vec<u32> {

@@ -8,9 +8,9 @@ use std::path::Path;
 
 use proptest::prelude::*;
 use sgmds_core::error::Error;
-use sgmds_core::laplacian::Laplacian;
+use sgmds_core::matching::ranking::quality::left_out;
 use sgmds_core::mesh::Mesh;
-use sgmds_core::quality::left_out;
+use sgmds_core::spectrum::laplacian::Laplacian;
 
 /// Inputs that the fuzzer found to reach code of their own.
 fn corpus(target: &str) -> Vec<Vec<u8>> {
@@ -152,7 +152,8 @@ fn moebius_strip_has_the_spectrum_of_its_band() {
     let mesh = mesh_of(&vertices, &faces);
     let laplacian = Laplacian::new(&mesh).unwrap();
     inputs::sound_operator(&laplacian, mesh.is_regular());
-    let basis = sgmds_core::eigenbasis::Eigenbasis::new(&laplacian, 12, &|| false).unwrap();
+    let basis =
+        sgmds_core::spectrum::eigenbasis::Eigenbasis::new(&laplacian, 12, &|| false).unwrap();
     // Waves along a band of length 40: (2πm/40)², twice each; area 40, so times 40.
     for (i, value) in basis.values.iter().enumerate() {
         let m = i.div_ceil(2) as f64;
@@ -184,7 +185,7 @@ fn vertices_on_straight_edges_do_not_slit_the_surface() {
     assert_eq!(mended.report.boundary_edges, 0);
     let spectrum = |mesh: &Mesh| {
         let laplacian = Laplacian::new(mesh).unwrap();
-        sgmds_core::eigenbasis::Eigenbasis::new(&laplacian, 20, &|| false)
+        sgmds_core::spectrum::eigenbasis::Eigenbasis::new(&laplacian, 20, &|| false)
             .unwrap()
             .values
     };

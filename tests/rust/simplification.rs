@@ -5,13 +5,13 @@ mod common;
 use std::collections::HashMap;
 use std::sync::Arc;
 
-use sgmds_core::full_resolution::FullResolution;
 use sgmds_core::matching::{Correspondence, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
-use sgmds_core::pointwise_map::SurfacePoint;
-use sgmds_core::progress::Progress;
+use sgmds_core::mesh::simplification::simplified;
+use sgmds_core::mesh::surface_point::SurfacePoint;
+use sgmds_core::shape::full_resolution::FullResolution;
 use sgmds_core::shape::{SIMPLIFIED_ABOVE, Shape};
-use sgmds_core::simplification::simplified;
+use sgmds_core::watch::progress::Progress;
 
 use common::{Point, icosphere, length, lumpy, sub};
 

@@ -5,12 +5,12 @@ mod common;
 use std::f64::consts::PI;
 
 use faer::Mat;
-use sgmds_core::distance_operator::{self, DATA_PENALTY};
-use sgmds_core::eigenbasis::Eigenbasis;
-use sgmds_core::laplacian::Laplacian;
+use sgmds_core::baselines::spectral_gmds::{Objective, Weights};
+use sgmds_core::geodesics::distance_operator::{self, DATA_PENALTY};
 use sgmds_core::mesh::Mesh;
-use sgmds_core::progress::Progress;
-use sgmds_core::spectral_gmds::{Objective, Weights};
+use sgmds_core::spectrum::eigenbasis::Eigenbasis;
+use sgmds_core::spectrum::laplacian::Laplacian;
+use sgmds_core::watch::progress::Progress;
 
 use common::icosphere;
 

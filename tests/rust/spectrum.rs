@@ -8,10 +8,10 @@ mod common;
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use sgmds_core::eigenbasis::{Eigenbasis, RESIDUAL_BOUND};
 use sgmds_core::error::Error;
-use sgmds_core::laplacian::Laplacian;
 use sgmds_core::mesh::Mesh;
+use sgmds_core::spectrum::eigenbasis::{Eigenbasis, RESIDUAL_BOUND};
+use sgmds_core::spectrum::laplacian::Laplacian;
 
 fn icosphere(subdivisions: usize) -> Mesh {
     let (vertices, faces) = common::icosphere(subdivisions);

@@ -3,9 +3,9 @@
 mod common;
 
 use common::{icosphere, limbed, lumpy};
-use sgmds_core::progress::Progress;
+use sgmds_core::matching::symmetry::{counted, mirror_offsets};
 use sgmds_core::shape::Shape;
-use sgmds_core::symmetry::{counted, mirror_offsets};
+use sgmds_core::watch::progress::Progress;
 
 fn prepared((vertices, faces): &(Vec<[f64; 3]>, Vec<[i64; 3]>)) -> Shape {
     Shape::new(vertices, faces, &Progress::default(), &|_, _| Ok(())).expect("a sound mesh")

@@ -1,14 +1,14 @@
 //! Times of the kernels on a bumpy sphere of some 5,000 vertices: `cargo bench -p sgmds-core`.
 
 use divan::{Bencher, black_box};
-use sgmds_core::eigenbasis::{Eigenbasis, bare_solves};
 use sgmds_core::geodesics::{FastMarching, distances_from, farthest_points};
-use sgmds_core::laplacian::Laplacian;
 use sgmds_core::matching::{Options, match_shapes};
 use sgmds_core::mesh::Mesh;
-use sgmds_core::progress::Progress;
+use sgmds_core::mesh::simplification::simplified;
 use sgmds_core::shape::Shape;
-use sgmds_core::simplification::simplified;
+use sgmds_core::spectrum::eigenbasis::{Eigenbasis, bare_solves};
+use sgmds_core::spectrum::laplacian::Laplacian;
+use sgmds_core::watch::progress::Progress;
 use std::f64::consts::{PI, TAU};
 use std::sync::Arc;
 

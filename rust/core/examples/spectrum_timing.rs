@@ -6,9 +6,9 @@
 
 use std::time::Instant;
 
-use sgmds_core::eigenbasis::Eigenbasis;
-use sgmds_core::laplacian::Laplacian;
 use sgmds_core::mesh::Mesh;
+use sgmds_core::spectrum::eigenbasis::Eigenbasis;
+use sgmds_core::spectrum::laplacian::Laplacian;
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);

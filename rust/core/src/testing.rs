@@ -2,10 +2,10 @@
 
 use std::f64::consts::TAU;
 
-use crate::hints::Hints;
-use crate::pair::{LeftOut, Mirror, Pair, Shares};
-use crate::progress::Progress;
+use crate::matching::problem::constraints::Constraints;
+use crate::matching::problem::pair::{Coverage, LeftOut, Mirror, Pair};
 use crate::shape::Shape;
+use crate::watch::progress::Progress;
 
 /// Rings of a whole torus, and vertices of a ring.
 pub const RINGS: usize = 48;
@@ -71,19 +71,19 @@ pub fn fractions(state: u64) -> impl FnMut() -> f32 {
     move || (draw() >> 7) as f32 / (1u32 << 24) as f32
 }
 
-/// A pair of which nothing is known but its shares.
+/// A pair of which nothing is known but its coverage.
 pub fn pair<'a>(
     target: &'a Shape,
     source: &'a Shape,
-    shares: Shares,
-    hints: &'a Hints,
+    coverage: Coverage,
+    constraints: &'a Constraints,
 ) -> Pair<'a> {
     Pair {
         target,
         source,
-        shares,
+        coverage,
         mirror: Mirror::Forbid,
-        hints,
+        constraints,
         left_out: LeftOut::default(),
         lengths: 1.0,
         mirror_offsets: None,

@@ -3,13 +3,14 @@
 use faer::Mat;
 use numpy::{PyArray2, PyReadonlyArray2};
 use pyo3::prelude::*;
-use sgmds_core::eigenbasis::{Eigenbasis, bare_solves, factorise};
 use sgmds_core::geodesics::{FastMarching, distances_from};
-use sgmds_core::laplacian::Laplacian;
 use sgmds_core::mesh::Mesh;
+use sgmds_core::spectrum::eigenbasis::{Eigenbasis, bare_solves, factorise};
+use sgmds_core::spectrum::laplacian::Laplacian;
 
+use crate::matrix;
+use crate::triples;
 use crate::watched::watched;
-use crate::{matrix, triples};
 
 /// Operator and geodesics of one mesh, whose vertices must all be used.
 #[pyclass(frozen, module = "sgmds._core")]

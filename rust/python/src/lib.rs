@@ -16,14 +16,16 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
-use sgmds_core::full_resolution::FullResolution;
+use sgmds_core::Error;
+use sgmds_core::geodesics::metric::Metric;
+use sgmds_core::matching::problem::pair::{Coverage, LeftOut, Mirror};
+use sgmds_core::matching::ranking::quality;
+use sgmds_core::matching::ranking::{Hypothesis, Metrics};
 use sgmds_core::matching::{self, Correspondence, Method, Options};
+use sgmds_core::memory;
 use sgmds_core::mesh::Mesh;
-use sgmds_core::metric::Metric;
-use sgmds_core::pair::{LeftOut, Mirror, Shares};
-use sgmds_core::selection::{Figures, Hypothesis};
+use sgmds_core::shape::full_resolution::FullResolution;
 use sgmds_core::shape::{CostlyParts, Shape};
-use sgmds_core::{Error, memory, quality};
 
 use watched::watched;
 
@@ -51,7 +53,7 @@ impl Input {
 
     fn prepared(
         self,
-        progress: &sgmds_core::progress::Progress,
+        progress: &sgmds_core::watch::progress::Progress,
         report: &(dyn Fn(&'static str, f64) -> Result<(), Error> + Sync),
     ) -> Result<Arc<Shape>, Error> {
         match self {
@@ -302,13 +304,13 @@ impl RawMatch {
         small(&self.source) && small(&self.target)
     }
 
-    /// Grade, reasons and figures.
+    /// Grade, reasons and metrics.
     #[getter]
     fn quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
         dict.set_item("unmatched", self.found.unmatched)?;
-        let (grade, mut reasons) = match &self.found.figures {
-            Some(figures) => quality::graded(figures, self.found.shares),
+        let (grade, mut reasons) = match &self.found.metrics {
+            Some(metrics) => quality::graded(metrics, self.found.coverage),
             None => quality::ungraded(),
         };
         for (role, shape) in [("source", &self.source), ("target", &self.target)] {
@@ -317,9 +319,9 @@ impl RawMatch {
         reasons.extend(self.found.remarks.iter().cloned());
         dict.set_item("grade", grade.name())?;
         dict.set_item("reasons", reasons)?;
-        if let Some(figures) = &self.found.figures {
-            dict.set_item("score", quality::score(figures))?;
-            let Figures {
+        if let Some(metrics) = &self.found.metrics {
+            dict.set_item("score", quality::score(metrics))?;
+            let Metrics {
                 orientation,
                 local_distortion,
                 contradiction,
@@ -329,7 +331,7 @@ impl RawMatch {
                 extrinsic_agreement,
                 mirrored_gain,
                 torn,
-            } = *figures;
+            } = *metrics;
             dict.set_item("orientation", orientation)?;
             dict.set_item("local_distortion", local_distortion)?;
             dict.set_item("contradiction", contradiction)?;
@@ -372,9 +374,9 @@ impl RawMatch {
     ) -> PyResult<Self> {
         let (source, target) = (Arc::clone(&self.source), Arc::clone(&self.target));
         let other: Hypothesis = self.found.others[index].clone();
-        let hints = Arc::clone(&self.found.hints);
+        let constraints = Arc::clone(&self.found.constraints);
         let found = watched(py, progress, threads, move |state| {
-            matching::completed(&source, &target, &hints, &other, state, &|s, f| {
+            matching::completed(&source, &target, &constraints, &other, state, &|s, f| {
                 state.enter(s, f)
             })
         })?;
@@ -418,9 +420,9 @@ fn match_pair(
         } else {
             Mirror::Forbid
         },
-        shares: match part {
-            Some("source") => Some(Shares::SOURCE_IS_PART),
-            Some("target") => Some(Shares::TARGET_IS_PART),
+        coverage: match part {
+            Some("source") => Some(Coverage::SOURCE_IS_PART),
+            Some("target") => Some(Coverage::TARGET_IS_PART),
             _ => None,
         },
         landmarks,

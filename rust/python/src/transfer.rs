@@ -19,8 +19,9 @@ use sgmds_core::transfer::strands::Root;
 use sgmds_core::transfer::texture::{self, Bake, Content, Extension, Image, Texture, Tile};
 use sgmds_core::transfer::{self, Surface, curves, displacement, labels, layout};
 
+use crate::errors;
+use crate::triples;
 use crate::watched::watched;
-use crate::{errors, triples};
 
 type Array1<'py, T> = Bound<'py, PyArray1<T>>;
 type Array2<'py, T> = Bound<'py, PyArray2<T>>;
@@ -242,11 +243,11 @@ impl SurfaceMap {
             .cuts
             .iter()
             .map(|c| [c.face, c.ends[0], c.ends[1]].map(i64::from));
-        let shares: Vec<f64> = points.clone().map(|p| p.share).collect();
+        let coverage: Vec<f64> = points.clone().map(|p| p.share).collect();
         let moved = found.moved.iter();
         let dict = PyDict::new(py);
         dict.set_item("edges", table(py, edges.collect())?)?;
-        dict.set_item("shares", shares.into_pyarray(py))?;
+        dict.set_item("coverage", coverage.into_pyarray(py))?;
         dict.set_item(
             "positions",
             table(py, points.clone().map(|p| p.position).collect())?,

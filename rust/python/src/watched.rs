@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use pyo3::prelude::*;
 use sgmds_core::Error;
-use sgmds_core::progress::Progress;
+use sgmds_core::watch::progress::Progress;
 
 use crate::errors;
 

@@ -10,11 +10,11 @@ use faer::linalg::solvers::Svd;
 use faer::{Mat, MatRef};
 
 use super::{Convergence, Embedding};
-use crate::dense::{self, Rows};
-use crate::descriptors::WAVE_ENERGIES;
+use crate::algebra::dense::{self, Rows};
 use crate::error::{Error, Result};
-use crate::progress::Progress;
 use crate::shape::Shape;
+use crate::shape::descriptors::WAVE_ENERGIES;
+use crate::watch::progress::Progress;
 
 /// Eigenfunctions of the map.
 const SIZE: usize = 50;

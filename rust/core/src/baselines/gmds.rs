@@ -12,13 +12,14 @@
 use faer::Mat;
 
 use super::{Convergence, Embedding};
-use crate::dense::Rows;
+use crate::algebra::dense::Rows;
 use crate::error::Result;
 use crate::geodesics::{Seed, Workspace};
-use crate::nearest::nearest;
-use crate::pointwise_map::{Distances, EmbeddedTriangles, SurfacePoint};
-use crate::progress::Progress;
+use crate::mesh::surface_point::SurfacePoint;
 use crate::shape::Shape;
+use crate::shape::nearest::nearest;
+use crate::shape::pointwise_map::{Distances, EmbeddedTriangles};
+use crate::watch::progress::Progress;
 
 /// Samples of the levels, coarse to fine.
 const LEVELS: [usize; 4] = [10, 20, 40, 80];
@@ -157,7 +158,7 @@ impl<'a> Placement<'a> {
             converged: false,
         };
         for (i, &v) in vertices.iter().enumerate() {
-            placement.points.push(SurfacePoint::at_vertex(source, v));
+            placement.points.push(source.point_at(v));
             placement.march(i);
         }
         placement

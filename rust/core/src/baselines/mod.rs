@@ -5,8 +5,9 @@
 
 pub mod functional_map;
 pub mod gmds;
+pub mod spectral_gmds;
 
-use crate::dense::Rows;
+use crate::algebra::dense::Rows;
 
 /// Both shapes in one space, and how the method got there.
 #[derive(Debug)]

@@ -13,7 +13,7 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use crate::dense::{multiplied_and_added, subtract};
+use crate::algebra::dense::{multiplied_and_added, subtract};
 use crate::error::{Error, Result};
 
 /// Unknowns of a node.

@@ -18,12 +18,12 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use crate::algebra::sparse_factor::Pattern;
+use crate::algebra::vector::{self, Point};
 use crate::deformation::block_equations::{Block, BlockEquations, PARTS, Section, parts};
 use crate::error::Result;
 use crate::mesh::Adjacency;
-use crate::progress::Check;
-use crate::sparse_factor::Pattern;
-use crate::vector::{self, Point};
+use crate::watch::progress::Check;
 
 /// Nodes that carry a vertex: with four the matrix has a third more entries, and errors are the same.
 const NEAREST: usize = 3;

@@ -12,11 +12,11 @@
 
 use rayon::prelude::*;
 
-use crate::edge_weights::EdgeWeights;
+use crate::algebra::sparse_factor::{Factor, Pattern};
+use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
-use crate::progress::Check;
-use crate::sparse_factor::{Factor, Pattern};
-use crate::vector::{self, Point};
+use crate::mesh::edge_weights::EdgeWeights;
+use crate::watch::progress::Check;
 
 /// Weight μ of rigidity; of the points together it is that of the pull, at unit area.
 const RIGIDITY: f64 = 2e-3;

@@ -5,10 +5,10 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
 use super::fast_marching::{FastMarching, Seed, Workspace};
-use crate::dense::vectorised;
+use crate::algebra::dense::vectorised;
+use crate::algebra::vector;
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
-use crate::vector;
 
 /// Vertices whose distances from the centroid differ by less than this fraction are tied.
 const TIE: f64 = 1e-9;

@@ -2,7 +2,7 @@
 
 use std::cmp::Reverse;
 
-use crate::packed::{packed, unpacked};
+use crate::algebra::packed::{packed, unpacked};
 
 /// Buckets to one mean edge: about ten vertices of a front of some hundred share one.
 const BUCKETS_PER_EDGE: f32 = 32.0;

@@ -5,10 +5,12 @@
 //!
 //! [`Mesh`]: crate::mesh::Mesh
 
+pub mod distance_operator;
 mod distances;
 mod farthest_points;
 mod fast_marching;
 mod front_queue;
+pub mod metric;
 
 pub use distances::{distances_from, distances_within};
 pub use farthest_points::farthest_points;

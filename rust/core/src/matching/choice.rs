@@ -6,27 +6,27 @@ use rayon::prelude::*;
 
 use super::Correspondence;
 use super::completed::{Completed, completed_alone, completed_and_ranked};
-use super::left_over::begins_at_rims;
-use super::of_part::{
-    best_of_part, may_be_part, part_by_given_lengths, placed, placed_anyhow, refine_on_covered,
-    with_relocations,
+use super::partial::of_part::{
+    best_of_part, may_be_part, part_by_given_lengths, placed, placed_at_assumed_lengths,
+    refine_on_covered, with_relocations,
 };
+use super::partial::uncovered::begins_at_boundary;
+use crate::algebra::vector;
 use crate::error::{Error, Result};
-use crate::hints::{Hints, Which};
-use crate::map_search::{self, Width};
-use crate::pair::{LeftOut, Mirror, Pair, Part, Shares};
-use crate::progress::Progress;
-use crate::quality;
-use crate::refinement::embedded_surface;
-use crate::refinement::regions;
-use crate::selection::{self, Figures, Hypothesis};
+use crate::matching::problem::constraints::{Constraints, Which};
+use crate::matching::problem::pair::{Coverage, LeftOut, Mirror, Pair, Part};
+use crate::matching::ranking::quality;
+use crate::matching::ranking::{self, Hypothesis, Metrics};
+use crate::matching::refinement::embedded_surface;
+use crate::matching::refinement::regions;
+use crate::matching::search::{self, Width};
+use crate::matching::symmetry;
 use crate::shape::Shape;
-use crate::symmetry;
-use crate::vector;
+use crate::watch::progress::Progress;
 
 /// A map between a part and a whole is taken when its rank, without what it contradicts, is below this times
 /// that of the map between wholes: right ones reach 0.21 to 0.77; where the map between wholes is the better one they stay above
-/// 0.81, or leave over what [begins elsewhere](begins_at_rims) than at a rim.
+/// 0.81, or leave over what [begins elsewhere](begins_at_boundary) than at a rim.
 const PART_FITS_BETTER: f64 = 0.8;
 /// The same where the part has no rim, as if nothing were cut off: between animals wrong ones reach 0.66.
 const CLOSED_PART_FITS_BETTER: f64 = 0.6;
@@ -54,56 +54,61 @@ pub(super) fn whole_or_part(
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
-    let search = |pair: &Pair<'_>, shares: Shares, width: Width, (from, to): (f64, f64)| {
+    let search = |pair: &Pair<'_>, coverage: Coverage, width: Width, (from, to): (f64, f64)| {
         let stage = |s: &'static str, f: f64| report(s, from + (to - from) * f);
-        hypotheses(&Pair { shares, ..*pair }, width, progress, &stage)
+        hypotheses(&Pair { coverage, ..*pair }, width, progress, &stage)
     };
     let (narrow, as_they_lie) = rayon::join(
-        || found_or_none(search(pair, Shares::BOTH, Width::NARROW, (0.0, 0.1))),
+        || found_or_none(search(pair, Coverage::BOTH, Width::NARROW, (0.0, 0.1))),
         || as_they_lie(pair, progress),
     );
-    let narrow = selection::merged(pair.source, narrow?, as_they_lie?);
+    let narrow = ranking::merged(pair.source, narrow?, as_they_lie?);
     let part = part_by_given_lengths(pair);
-    if selection::stands_alone(&narrow) && quality::clear(&narrow[0].figures) {
+    if ranking::stands_alone(&narrow) && quality::clear(&narrow[0].metrics) {
         let within = |f: f64| report("selection", 0.1 + 0.5 * f);
-        return or_part(pair, part, narrow, progress, &within);
+        return with_part_of_given_lengths(pair, part, narrow, progress, &within);
     }
-    let differ = narrow.first().is_none_or(|h| quality::differ(&h.figures));
+    let differ = narrow.first().is_none_or(|h| quality::differ(&h.metrics));
     let width = Width::USUAL.both_ways(differ);
-    let usual = search(pair, Shares::BOTH, width, (0.1, 0.25));
+    let usual = search(pair, Coverage::BOTH, width, (0.1, 0.25));
     let usual = if narrow.is_empty() {
         usual?
     } else {
         found_or_none(usual)?
     };
-    let mut best = selection::merged(pair.source, narrow, usual);
-    let offsets = mirror_offsets(pair, &best[0].figures, progress)?;
+    let mut best = ranking::merged(pair.source, narrow, usual);
+    let offsets = mirror_offsets(pair, &best[0].metrics, progress)?;
     let mut guided = pair;
     let symmetric = &Pair {
         mirror_offsets: offsets.as_ref().map(|[t, s]| [&t[..], &s[..]]),
         ..*pair
     };
     if offsets.is_some() {
-        let more = found_or_none(search(symmetric, Shares::BOTH, Width::USUAL, (0.25, 0.35)))?;
-        let bound = SAME_SYMMETRY * best[0].figures.surface_rank();
+        let more = found_or_none(search(
+            symmetric,
+            Coverage::BOTH,
+            Width::USUAL,
+            (0.25, 0.35),
+        ))?;
+        let bound = SAME_SYMMETRY * best[0].metrics.surface_cost();
         if more
             .first()
-            .is_some_and(|m| m.figures.surface_rank() < bound)
+            .is_some_and(|m| m.metrics.surface_cost() < bound)
         {
-            selection::hold_symmetry_against(symmetric, &mut best);
-            best = selection::merged(pair.source, best, more);
+            ranking::hold_symmetry_against(symmetric, &mut best);
+            best = ranking::merged(pair.source, best, more);
             guided = symmetric;
         }
     }
-    best = or_part(pair, part, best, progress, &|f| {
+    best = with_part_of_given_lengths(pair, part, best, progress, &|f| {
         report("selection", 0.35 + 0.05 * f)
     })?;
-    let whole = best[0].figures;
-    if best[0].shares != Shares::BOTH || !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
+    let whole = best[0].metrics;
+    if best[0].coverage != Coverage::BOTH || !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
         return Ok(best);
     }
     for (part_is, within) in [(Which::Target, (0.4, 0.45)), (Which::Source, (0.45, 0.5))] {
-        let as_part = search(guided, Shares::of_part(part_is), Width::USUAL, within);
+        let as_part = search(guided, Coverage::of_part(part_is), Width::USUAL, within);
         let mut found = found_or_none(as_part)?;
         let is_open = pair.shape(part_is).mesh.is_open();
         let better = if is_open {
@@ -112,35 +117,35 @@ pub(super) fn whole_or_part(
             CLOSED_PART_FITS_BETTER
         };
         if is_open {
-            let placed = placed_anyhow(pair, part_is, &found, progress)?;
-            found = selection::merged(pair.source, found, placed);
+            let placed = placed_at_assumed_lengths(pair, part_is, &found, progress)?;
+            found = ranking::merged(pair.source, found, placed);
         }
         if fits_better(&found, &whole, better)
-            && fits_better(&found, &best[0].figures, 1.0)
-            && (!is_open || begins_at_rims(pair, part_is, &found[0]))
+            && fits_better(&found, &best[0].metrics, 1.0)
+            && (!is_open || begins_at_boundary(pair, part_is, &found[0]))
         {
             found.push(best.swap_remove(0));
             best = found;
         }
     }
-    if best[0].shares == Shares::BOTH {
-        let wide = found_or_none(search(guided, Shares::BOTH, Width::WIDE, (0.5, 0.6)))?;
-        best = selection::merged(pair.source, best, wide);
+    if best[0].coverage == Coverage::BOTH {
+        let wide = found_or_none(search(guided, Coverage::BOTH, Width::WIDE, (0.5, 0.6)))?;
+        best = ranking::merged(pair.source, best, wide);
     }
     Ok(best)
 }
 
 /// Whether the first of some hypotheses has at most so many times the rank of another map, with and without what
 /// either contradicts.
-fn fits_better(found: &[Hypothesis], other: &Figures, times: f64) -> bool {
-    found.first().is_some_and(|Hypothesis { figures, .. }| {
-        figures.surface_rank() < times * other.surface_rank()
-            && figures.rank() < times * other.rank()
+fn fits_better(found: &[Hypothesis], other: &Metrics, times: f64) -> bool {
+    found.first().is_some_and(|Hypothesis { metrics, .. }| {
+        metrics.surface_cost() < times * other.surface_cost()
+            && metrics.cost() < times * other.cost()
     })
 }
 
 /// The hypotheses; before them those of a part with known lengths where these fit better.
-fn or_part(
+fn with_part_of_given_lengths(
     pair: &Pair<'_>,
     part: Option<(Which, f64)>,
     mut best: Vec<Hypothesis>,
@@ -150,10 +155,10 @@ fn or_part(
     let Some((part_is, lengths)) = part.filter(|part| may_be_part(pair, &best[0], *part)) else {
         return Ok(best);
     };
-    let whole = best[0].figures;
+    let whole = best[0].metrics;
     report(0.0)?;
     let as_part = &Pair {
-        shares: Shares::of_part(part_is),
+        coverage: Coverage::of_part(part_is),
         ..*pair
     };
     let searched = hypotheses(as_part, Width::NARROW, progress, &|_, f| report(0.5 * f));
@@ -166,7 +171,7 @@ fn or_part(
     } else {
         PART_FITS_BETTER
     };
-    if fits_better(&found, &whole, better) && begins_at_rims(pair, part_is, &found[0]) {
+    if fits_better(&found, &whole, better) && begins_at_boundary(pair, part_is, &found[0]) {
         found.push(best.swap_remove(0));
         best = found;
     }
@@ -174,22 +179,22 @@ fn or_part(
 }
 
 /// Hypotheses where it is known whether one shape is a part of the other, and which.
-pub(super) fn as_asked(
+pub(super) fn as_requested(
     pair: &Pair<'_>,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
     let mut found = hypotheses(pair, Width::USUAL, progress, report);
-    if let Some(part_is) = pair.shares.part() {
+    if let Some(part_is) = pair.coverage.part() {
         let searched = found_or_none(found)?;
         let given = part_by_given_lengths(pair).filter(|&(given, _)| given == part_is);
         let more = match given {
             Some(part) => placed(pair, part, &searched, progress),
-            None => placed_anyhow(pair, part_is, &searched, progress),
+            None => placed_at_assumed_lengths(pair, part_is, &searched, progress),
         }?;
-        found = Ok(selection::merged(pair.source, searched, more));
+        found = Ok(ranking::merged(pair.source, searched, more));
     }
-    Ok(selection::merged(
+    Ok(ranking::merged(
         pair.source,
         found?,
         as_they_lie(pair, progress)?,
@@ -199,7 +204,7 @@ pub(super) fn as_asked(
 /// The map between surfaces that lie on one another as they were given, if they do.
 fn as_they_lie(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> {
     let unguided = &Pair {
-        hints: &Hints::default(),
+        constraints: &Constraints::default(),
         ..*pair
     };
     let found = embedded_surface::in_place(unguided, &|| progress.check())?;
@@ -207,10 +212,10 @@ fn as_they_lie(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> 
         return Ok(Vec::new());
     };
     let hinted = &Pair {
-        hints: pair.hints,
+        constraints: pair.constraints,
         ..placed
     };
-    Ok(vec![selection::of_surfaces_in_place(hinted, &map)?])
+    Ok(vec![ranking::of_surfaces_in_place(hinted, &map)?])
 }
 
 /// No hypotheses where the search found no map.
@@ -225,7 +230,7 @@ fn found_or_none(found: Result<Vec<Hypothesis>>) -> Result<Vec<Hypothesis>> {
 /// symmetric and the best map so far says that they are not poses of one body.
 fn mirror_offsets(
     pair: &Pair<'_>,
-    best: &Figures,
+    best: &Metrics,
     progress: &Progress,
 ) -> Result<Option<[Vec<f32>; 2]>> {
     if !pair.uses(Part::Symmetry) || !quality::differ(best) {
@@ -252,9 +257,9 @@ fn hypotheses(
     } else {
         Width::SINGLE
     };
-    let candidates = map_search::candidates(pair, width, progress)?;
+    let candidates = search::candidates(pair, width, progress)?;
     report("selection", 0.5)?;
-    selection::vote(pair, &candidates, &|f| report("selection", 0.5 + 0.5 * f))
+    ranking::vote(pair, &candidates, &|f| report("selection", 0.5 + 0.5 * f))
 }
 
 /// The best hypothesis completed; the others are kept as alternatives.
@@ -274,7 +279,7 @@ pub(super) fn clearest(
         let relocate = |found| with_relocations(pair, &mut hypotheses, found, &complete, progress);
         first.map(relocate).transpose()?
     } else {
-        match &hypotheses[..selection::rivals(&hypotheses).min(MOST_COMPLETED)] {
+        match &hypotheses[..ranking::rivals(&hypotheses).min(MOST_COMPLETED)] {
             [alone] => Some((0, completed_alone(pair, alone, progress, report)?)),
             close => best_of_close(pair, complete(close)?),
         }
@@ -283,7 +288,7 @@ pub(super) fn clearest(
         reason: "no candidate stood in the vote".into(),
     })?;
     // Before it is refined on what it covers, as no other is.
-    selection::compare_with_chosen(pair.source, best, &mut hypotheses);
+    ranking::compare_with_chosen(pair.source, best, &mut hypotheses);
     refine_on_covered(pair, &mut hypotheses[best], &mut map, progress, report)?;
     let chosen = hypotheses.remove(best);
     let mut found = map.finished(pair, &chosen, progress)?;
@@ -292,13 +297,13 @@ pub(super) fn clearest(
     Ok(found)
 }
 
-/// The best of close maps by their completed figures; those that differ from it in a part only are compared on that
+/// The best of close maps by their completed metrics; those that differ from it in a part only are compared on that
 /// part.
 fn best_of_close<'a>(
     pair: &Pair<'_>,
     mut completed: Vec<Completed<'a>>,
 ) -> Option<(usize, Completed<'a>)> {
-    let rank = |i: usize| completed[i].figures.rank();
+    let rank = |i: usize| completed[i].metrics.cost();
     let first = (0..completed.len()).min_by(|&i, &j| rank(i).total_cmp(&rank(j)))?;
     let best = (0..completed.len()).fold(first, |best, other| {
         if other != best && fits_better_where_it_differs(pair, &completed[other], &completed[best])
@@ -353,7 +358,7 @@ fn fits_better_where_it_differs(
 pub fn completed(
     source: &Shape,
     target: &Shape,
-    hints: &Arc<Hints>,
+    constraints: &Arc<Constraints>,
     hypothesis: &Hypothesis,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
@@ -361,9 +366,9 @@ pub fn completed(
     let pair = Pair {
         target,
         source,
-        shares: hypothesis.shares,
+        coverage: hypothesis.coverage,
         mirror: Mirror::Allow,
-        hints,
+        constraints,
         left_out: LeftOut::default(),
         lengths: 1.0,
         mirror_offsets: None,
@@ -372,6 +377,6 @@ pub fn completed(
     let mut map = completed_and_ranked(&pair, &hypothesis, progress, report)?;
     refine_on_covered(&pair, &mut hypothesis, &mut map, progress, report)?;
     let mut found = map.finished(&pair, &hypothesis, progress)?;
-    found.hints = Arc::clone(hints);
+    found.constraints = Arc::clone(constraints);
     Ok(found)
 }

@@ -1,17 +1,17 @@
 //! A hypothesis with its final refinement.
 
 use super::Correspondence;
-use super::correspondence::dense_map;
-use crate::confidence::local_distortion;
+use super::result::correspondence::dense_map;
+use crate::algebra::vector;
 use crate::error::Result;
-use crate::pair::{Pair, Shares};
-use crate::progress::Progress;
-use crate::quality;
-use crate::refinement::embedded_surface::{self, FULL, ISOMETRIC, Refined};
-use crate::refinement::upsampling::UPSAMPLED_SIZE;
-use crate::selection::{self, Figures, Hypothesis};
+use crate::matching::problem::pair::{Coverage, Pair};
+use crate::matching::ranking::quality;
+use crate::matching::ranking::{self, Hypothesis, Metrics};
+use crate::matching::refinement::embedded_surface::{self, FULL, ISOMETRIC, Refined};
+use crate::matching::refinement::upsampling::UPSAMPLED_SIZE;
+use crate::matching::result::confidence::local_distortion;
 use crate::shape::Shape;
-use crate::vector;
+use crate::watch::progress::Progress;
 
 /// Neighbours whose images are so much farther apart have been torn from one another: right maps of whole bodies leave
 /// at most 0.11, where limbs have grown together it is 0.1 to 0.6.
@@ -21,8 +21,8 @@ const TORN_APART: f64 = 0.15;
 pub(super) struct Completed<'a> {
     /// The refined map.
     pub(super) state: Refined<'a>,
-    /// Figures of the refined map.
-    pub(super) figures: Figures,
+    /// Metrics of the refined map.
+    pub(super) metrics: Metrics,
     /// Local distortion at each target vertex.
     pub(super) distortion: Vec<f64>,
     /// Source vertex of each target vertex.
@@ -51,18 +51,18 @@ impl Completed<'_> {
                     (&asking.rows, &asking.images.vertex),
                     (&answering.rows, &answering.images.vertex),
                     &misfit,
-                    &pair.hints.landmarks,
+                    &pair.constraints.landmarks,
                     progress,
                 )
             },
         );
         let mut found = found?;
-        found.figures = Some(Figures {
-            agreement: self.figures.agreement,
+        found.metrics = Some(Metrics {
+            agreement: self.metrics.agreement,
             torn,
-            ..hypothesis.figures
+            ..hypothesis.metrics
         });
-        found.shares = hypothesis.shares;
+        found.coverage = hypothesis.coverage;
         found.remarks = self.remarks;
         Ok(found)
     }
@@ -109,11 +109,11 @@ pub(super) fn completed_alone<'a>(
     let (pair, state) = refined(pair, hypothesis, report)?;
     report("dense map", 0.9)?;
     with_figures(&pair, state, progress, |state| {
-        let mut figures = hypothesis.figures;
+        let mut metrics = hypothesis.metrics;
         if !hypothesis.in_place {
-            figures.agreement = selection::agreement(&pair, &selection::sampled_images(state));
+            metrics.agreement = ranking::agreement(&pair, &ranking::sampled_images(state));
         }
-        Ok(figures)
+        Ok(metrics)
     })
 }
 
@@ -129,20 +129,20 @@ pub(super) fn ranked<'a>(
     })
 }
 
-/// A refined map with its figures and what it does to distances around each vertex.
+/// A refined map with its metrics and what it does to distances around each vertex.
 fn with_figures<'a>(
     pair: &Pair<'a>,
     state: Refined<'a>,
     progress: &Progress,
-    figures: impl FnOnce(&Refined<'a>) -> Result<Figures> + Send,
+    metrics: impl FnOnce(&Refined<'a>) -> Result<Metrics> + Send,
 ) -> Result<Completed<'a>> {
     let images = state.target().images.vertex.clone();
-    let (figures, distortion) = rayon::join(
-        || figures(&state),
+    let (metrics, distortion) = rayon::join(
+        || metrics(&state),
         || local_distortion(pair.target, pair.source, &images, pair.lengths, progress),
     );
     Ok(Completed {
-        figures: figures?,
+        metrics: metrics?,
         distortion: distortion?,
         images,
         state,
@@ -150,35 +150,35 @@ fn with_figures<'a>(
     })
 }
 
-/// Figures of the refined map of a hypothesis; what is known of it beside others is kept.
+/// Metrics of the refined map of a hypothesis; what is known of it beside others is kept.
 pub(super) fn judged(
     pair: &Pair<'_>,
     hypothesis: &Hypothesis,
     map: &Refined<'_>,
-) -> Result<Figures> {
+) -> Result<Metrics> {
     if hypothesis.in_place {
-        return Ok(hypothesis.figures);
+        return Ok(hypothesis.metrics);
     }
     let of_part = hypothesis
         .is_of_part()
         .then(|| map.low_map(UPSAMPLED_SIZE))
         .transpose()?;
-    let Figures {
+    let Metrics {
         contradiction,
         margin,
         apart,
         mirrored_gain,
         ..
-    } = hypothesis.figures;
-    Ok(Figures {
+    } = hypothesis.metrics;
+    Ok(Metrics {
         contradiction,
         margin,
         apart,
         mirrored_gain,
-        ..selection::figures(
+        ..ranking::metrics(
             pair,
             of_part.as_ref().unwrap_or(&hypothesis.matrix).as_ref(),
-            &selection::sampled_images(map),
+            &ranking::sampled_images(map),
         )
     })
 }
@@ -195,11 +195,11 @@ fn refined<'a>(
         return Ok(found);
     }
     let pair = Pair {
-        shares: hypothesis.shares,
+        coverage: hypothesis.coverage,
         lengths: hypothesis.lengths,
         ..*pair
     };
-    let schedule = if pair.shares == Shares::BOTH && quality::isometric(&hypothesis.figures) {
+    let schedule = if pair.coverage == Coverage::BOTH && quality::isometric(&hypothesis.metrics) {
         ISOMETRIC
     } else {
         FULL
@@ -221,14 +221,14 @@ fn refined<'a>(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::hints::Hints;
+    use crate::matching::problem::constraints::Constraints;
     use crate::testing::{self, RINGS, torus};
 
     #[test]
     fn a_map_tears_the_surface_where_a_piece_of_it_goes_elsewhere() {
         let shape = torus(RINGS);
-        let hints = Hints::default();
-        let pair = testing::pair(&shape, &shape, Shares::BOTH, &hints);
+        let constraints = Constraints::default();
+        let pair = testing::pair(&shape, &shape, Coverage::BOTH, &constraints);
         let vertices = &shape.mesh.vertices;
         let own: Vec<u32> = (0..vertices.len() as u32).collect();
         assert_eq!(torn(&pair, &own), 0.0);

@@ -2,25 +2,29 @@
 
 mod choice;
 mod completed;
-mod correspondence;
-mod left_over;
-mod of_part;
+pub(crate) mod partial;
+pub mod problem;
 mod published;
+pub mod ranking;
+pub mod refinement;
+pub mod result;
+pub mod search;
+pub mod symmetry;
 
 use std::sync::Arc;
 
 use crate::baselines::{functional_map, gmds};
 use crate::error::{Error, Result};
-use crate::hints::Hints;
-use crate::pair::{LeftOut, Mirror, Pair, Shares};
-use crate::progress::Progress;
+use crate::matching::problem::constraints::Constraints;
+use crate::matching::problem::pair::{Coverage, LeftOut, Mirror, Pair};
 use crate::shape::Shape;
+use crate::watch::progress::Progress;
 
 pub use choice::completed;
-pub use correspondence::Correspondence;
 pub use published::energy;
+pub use result::correspondence::Correspondence;
 
-use choice::{as_asked, clearest, whole_or_part};
+use choice::{as_requested, clearest, whole_or_part};
 use published::{by_paper, embedded};
 
 /// Which algorithm.
@@ -44,7 +48,7 @@ pub struct Options {
     /// Whether mirrored maps are allowed.
     pub mirror: Mirror,
     /// Which shape is a part of the other; found out when `None`.
-    pub shares: Option<Shares>,
+    pub coverage: Option<Coverage>,
     /// Pairs (source vertex, target vertex) in given numbering.
     pub landmarks: Vec<(u32, u32)>,
     /// Whether left, front and up are the same directions on both shapes.
@@ -58,7 +62,7 @@ impl Default for Options {
         Self {
             method: Method::Auto,
             mirror: Mirror::Forbid,
-            shares: None,
+            coverage: None,
             landmarks: Vec::new(),
             same_axes: false,
             left_out: LeftOut::default(),
@@ -106,7 +110,7 @@ pub fn match_shapes(
             if !landmarks.is_empty() {
                 report("landmarks", 0.0)?;
             }
-            let hints = Arc::new(Hints::new(
+            let constraints = Arc::new(Constraints::new(
                 target,
                 source,
                 landmarks,
@@ -116,22 +120,22 @@ pub fn match_shapes(
             let pair = Pair {
                 target,
                 source,
-                shares: options.shares.unwrap_or(Shares::BOTH),
+                coverage: options.coverage.unwrap_or(Coverage::BOTH),
                 mirror: options.mirror,
-                hints: &hints,
+                constraints: &constraints,
                 left_out: options.left_out,
                 lengths: 1.0,
                 mirror_offsets: None,
             };
-            let hypotheses = if options.shares.is_some() {
-                as_asked(&pair, progress, &|s, f| report(s, 0.6 * f))?
+            let hypotheses = if options.coverage.is_some() {
+                as_requested(&pair, progress, &|s, f| report(s, 0.6 * f))?
             } else {
                 whole_or_part(&pair, progress, report)?
             };
             let mut found = clearest(&pair, hypotheses, progress, &|s, f| {
                 report(s, 0.6 + 0.4 * f)
             })?;
-            found.hints = Arc::clone(&hints);
+            found.constraints = Arc::clone(&constraints);
             Ok(found)
         }
     }

@@ -3,14 +3,14 @@
 use faer::{Mat, MatRef};
 
 use super::Correspondence;
-use super::correspondence::dense_map;
+use super::result::correspondence::dense_map;
+use crate::baselines::spectral_gmds::{self, Objective, Weights};
 use crate::baselines::{Convergence, Embedding};
-use crate::confidence::local_distortion;
 use crate::error::Result;
-use crate::map_search;
-use crate::progress::Progress;
+use crate::matching::result::confidence::local_distortion;
+use crate::matching::search;
 use crate::shape::Shape;
-use crate::spectral_gmds::{self, Objective, Weights};
+use crate::watch::progress::Progress;
 
 /// S-GMDS from an automatic start.
 pub(super) fn by_paper(
@@ -29,7 +29,7 @@ pub(super) fn by_paper(
         target_operator.as_ref(),
         source_operator.as_ref(),
     );
-    let seed = map_search::best_signs(target_operator.as_ref(), source_operator.as_ref());
+    let seed = search::best_signs(target_operator.as_ref(), source_operator.as_ref());
     let start = spectral_gmds::continued_signs(
         seed.as_ref(),
         target_operator.as_ref(),

@@ -5,12 +5,12 @@
 
 use rayon::prelude::*;
 
+use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
-use crate::pointwise_map::SurfacePoint;
+use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::surface::{NONE, Surface};
 use crate::transfer::surface_map::{SurfaceMap, check_table};
-use crate::vector::{self, Point};
 
 /// Weights below this are zero: the point lies on an edge or at a vertex.
 pub const ON_EDGE: f64 = 1e-6;

@@ -6,12 +6,12 @@ use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
+use crate::algebra::space_tree::SpaceTree;
+use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
-use crate::space_tree::SpaceTree;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
-use crate::vector::{self, Point};
 
 /// Cost of a unit of way that lies on the curve itself, beside 1 for a unit one edge length away:
 /// enough to keep a way from wandering along the curve.

@@ -4,9 +4,9 @@ use faer::prelude::*;
 use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 
-use crate::dense::by_library;
-use crate::edge_weights::EdgeWeights;
+use crate::algebra::dense::clearing_registers;
 use crate::error::{Error, Result};
+use crate::mesh::edge_weights::EdgeWeights;
 use crate::transfer::surface::Surface;
 
 /// Columns solved at a time: keeps memory small when there are hundreds of groups.
@@ -149,7 +149,7 @@ impl Filling<'_> {
             }
         }
         if let Some(factor) = &self.factor {
-            by_library(|| factor.solve_in_place(&mut right));
+            clearing_registers(|| factor.solve_in_place(&mut right));
         }
         right
     }

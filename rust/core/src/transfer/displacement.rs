@@ -2,9 +2,9 @@
 
 use rayon::prelude::*;
 
+use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
-use crate::vector::{self, Point};
 
 /// Displacements shorter than this share of the source's diagonal are rounding: such vertices
 /// stand still.

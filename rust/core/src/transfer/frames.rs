@@ -2,12 +2,11 @@
 
 use rayon::prelude::*;
 
-use crate::similarity::nearest_turn;
+use crate::algebra::similarity::nearest_turn;
+use crate::algebra::vector::{self, Point};
+use crate::transfer::frame::{Frame, Matrix, determinant};
 use crate::transfer::surface::blend;
 use crate::transfer::surface_map::SurfaceMap;
-use crate::vector::{self, Point};
-
-type Matrix = [Point; 3];
 
 /// Rounds of averaging over neighbours before frames are fitted: images of neighbouring vertices
 /// are a fraction of an edge wrong, and directions between them much more so.
@@ -15,30 +14,6 @@ const SMOOTHING_ROUNDS: usize = 4;
 
 /// Weight of the normals beside the edges in a frame's fit.
 const NORMAL_SHARE: f64 = 0.5;
-
-/// A similarity's linear part: `vector on the target = scale · turn · vector on the source`.
-#[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Frame {
-    /// Rows of an orthogonal matrix; a mirroring one where the map turns left into right.
-    pub turn: [Point; 3],
-    /// Length on the target for a unit of length on the source, positive.
-    pub scale: f64,
-}
-
-impl Frame {
-    /// A displacement of the source as one of the target. Zero stays exactly zero.
-    #[must_use]
-    pub fn apply(&self, displacement: Point) -> Point {
-        self.turn
-            .map(|row| self.scale * vector::dot(row, displacement))
-    }
-
-    /// Whether it turns left into right.
-    #[must_use]
-    pub fn mirrors(&self) -> bool {
-        determinant(&self.turn) < 0.0
-    }
-}
 
 /// Sums over the edges at a vertex from which its frame is fitted.
 #[derive(Debug, Clone, Copy, Default)]
@@ -59,13 +34,27 @@ impl Moments {
     }
 }
 
+impl SurfaceMap {
+    /// The turn and scale from source to target around each target vertex, `(n_target)`.
+    #[must_use]
+    pub fn frames(&self) -> &[Frame] {
+        self.frames.get_or_init(|| frames(self))
+    }
+
+    /// Whether the map turns left into right, as its frames were decided to.
+    #[must_use]
+    pub fn mirrors(&self) -> bool {
+        self.frames().first().is_some_and(Frame::mirrors)
+    }
+}
+
 /// Fits a frame at each target vertex to its edges, their images and the two normals.
 ///
 /// A frame takes edges of the images to edges of the target in the least-squares sense (Horn,
 /// "Closed-form solution of absolute orientation using unit quaternions", 1987), with the normals
 /// as a third direction. Whether frames turn or mirror is decided once, for the whole map.
 #[must_use]
-pub fn frames(map: &SurfaceMap) -> Vec<Frame> {
+fn frames(map: &SurfaceMap) -> Vec<Frame> {
     let n = map.target.vertices.len();
     let moments = smoothed_moments(map);
     let source_normals = map.source.vertex_normals();
@@ -157,10 +146,6 @@ fn usual_scale(moments: &[Moments]) -> f64 {
     } else {
         1.0
     }
-}
-
-fn determinant(m: &Matrix) -> f64 {
-    vector::dot(m[0], vector::cross(m[1], m[2]))
 }
 
 fn outer(a: Point, b: Point) -> Matrix {

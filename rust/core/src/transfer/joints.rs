@@ -2,11 +2,11 @@
 
 use rayon::prelude::*;
 
+use crate::algebra::similarity::Similarity;
+use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
-use crate::similarity::Similarity;
 use crate::transfer::skin_weights::SkinWeights;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
-use crate::vector::{self, Point};
 
 /// Width of the surroundings of a joint, over its distance from the surface: the ring around a
 /// limb counts fully, a place as far again along the limb a seventh.

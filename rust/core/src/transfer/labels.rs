@@ -2,10 +2,10 @@
 
 use rayon::prelude::*;
 
+use crate::algebra::vector;
 use crate::error::Result;
 use crate::transfer::corners::{Polygons, facing_nearest};
 use crate::transfer::surface_map::{SurfaceMap, check_rows, check_table};
-use crate::vector;
 
 /// How far from the centre of a face towards its corners it is asked what lies under it.
 const SHARES: [f64; 2] = [0.45, 0.85];

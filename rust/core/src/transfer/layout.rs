@@ -5,12 +5,12 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::transfer::corners::{self, CornerPlace, CornerValues, Polygons};
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
 use crate::transfer::unions::Unions;
-use crate::vector::{self, Point};
 
 /// UV differences up to this are rounding.
 pub const UV_ROUNDING: f64 = 1e-5;
@@ -152,7 +152,7 @@ fn gap(a: [f64; 2], b: [f64; 2]) -> f64 {
     (a[0] - b[0]).hypot(a[1] - b[1])
 }
 
-/// How a layout sits on its surface. Shares are of the area in UV.
+/// How a layout sits on its surface. Coverage are of the area in UV.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct LayoutReport {
     /// Mean over the surface of the larger of σ₁ and 1/σ₂, the singular values of the map from

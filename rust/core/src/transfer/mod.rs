@@ -7,6 +7,7 @@ pub mod corners;
 pub mod curves;
 pub mod diffusion;
 pub mod displacement;
+pub mod frame;
 pub mod frames;
 pub mod joints;
 pub mod labels;

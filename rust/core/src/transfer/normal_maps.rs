@@ -1,10 +1,10 @@
 //! Normals of a normal map, turned as the map turns the surface under a texel.
 
-use crate::pointwise_map::SurfacePoint;
+use crate::algebra::vector::{self, Point};
+use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::corners::plane_weights;
 use crate::transfer::surface::{Surface, blend};
 use crate::transfer::surface_map::SurfaceMap;
-use crate::vector::{self, Point};
 
 /// Normals and tangents at the corners of triangles, `(m, 3)`: unit vectors, the tangent's fourth
 /// number being the sign of the bitangent.

@@ -1,14 +1,14 @@
 //! Small parts (eyes, teeth, buttons): they follow the large part they sit on.
 
+use crate::algebra::similarity::Similarity;
+use crate::algebra::space_tree::SpaceTree;
+use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
-use crate::pointwise_map::SurfacePoint;
-use crate::similarity::Similarity;
-use crate::space_tree::SpaceTree;
+use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
 use crate::transfer::unions::Unions;
-use crate::vector::{self, Point};
 
 /// A part of the source is the counterpart of a small part when their centres, brought together by
 /// the body around, are at most this many radii apart.

@@ -4,14 +4,14 @@ use std::collections::{HashMap, HashSet};
 
 use rayon::prelude::*;
 
+use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::mesh::Adjacency;
-use crate::pointwise_map::{SurfacePoint, nearest_in_triangle};
+use crate::mesh::surface_point::{SurfacePoint, nearest_in_triangle};
 use crate::transfer::corners::{CornerValues, ON_EDGE, Polygons, triangles_around};
 use crate::transfer::surface::{NONE, Surface, blend};
 use crate::transfer::surface_map::{SurfaceMap, check_table};
 use crate::transfer::trace::{Crossing, crossings};
-use crate::vector::{self, Point};
 
 /// A vertex from which a seam is nearer than this share of an edge is put onto it, so that no
 /// slivers arise.
@@ -47,7 +47,7 @@ pub struct Cut {
 /// What separates the target's faces along the images of seams.
 #[derive(Debug, Default)]
 pub struct SeamCuts {
-    /// New points; those of one edge in the order of their shares.
+    /// New points; those of one edge in the order of their coverage.
     pub points: Vec<CutPoint>,
     /// Cuts, in an order in which they can be made.
     pub cuts: Vec<Cut>,

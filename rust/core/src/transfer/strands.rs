@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
+use crate::algebra::similarity::nearest_turn;
+use crate::algebra::vector::{self, Point};
 use crate::error::Result;
-use crate::pointwise_map::SurfacePoint;
-use crate::similarity::nearest_turn;
-use crate::transfer::frames::Frame;
+use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::frame::Frame;
 use crate::transfer::surface::{Surface, blend};
 use crate::transfer::surface_map::SurfaceMap;
-use crate::vector::{self, Point};
 
 /// A place of the source and its counterpart, with the similarity of the surface there.
 #[derive(Debug, Clone, Copy, PartialEq)]

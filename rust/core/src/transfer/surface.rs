@@ -2,9 +2,9 @@
 
 use std::collections::HashMap;
 
+use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
-use crate::pointwise_map::{SurfacePoint, nearest_in_triangle};
-use crate::vector::{self, Point};
+use crate::mesh::surface_point::{SurfacePoint, nearest_in_triangle};
 
 /// Stands for no triangle, across a border or an edge with more than two triangles.
 pub const NONE: u32 = u32::MAX;

@@ -2,11 +2,11 @@
 
 use std::sync::OnceLock;
 
+use crate::algebra::vector::Point;
 use crate::error::{Error, Result};
-use crate::pointwise_map::SurfacePoint;
-use crate::transfer::frames::{self, Frame};
+use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::frame::Frame;
 use crate::transfer::surface::Surface;
-use crate::vector::Point;
 
 /// Source, target and the image of every target vertex on the source.
 #[derive(Debug)]
@@ -20,7 +20,8 @@ pub struct SurfaceMap {
     /// How far each image is to be trusted, 0 to 1, `(n_target)`.
     pub confidence: Vec<f64>,
     images: Vec<Point>,
-    frames: OnceLock<Vec<Frame>>,
+    /// Made when first asked for.
+    pub(super) frames: OnceLock<Vec<Frame>>,
 }
 
 impl SurfaceMap {
@@ -88,18 +89,6 @@ impl SurfaceMap {
     #[must_use]
     pub fn images(&self) -> &[Point] {
         &self.images
-    }
-
-    /// The turn and scale from source to target around each target vertex, `(n_target)`.
-    #[must_use]
-    pub fn frames(&self) -> &[Frame] {
-        self.frames.get_or_init(|| frames::frames(self))
-    }
-
-    /// Whether the map turns left into right, as its frames were decided to.
-    #[must_use]
-    pub fn mirrors(&self) -> bool {
-        self.frames().first().is_some_and(Frame::mirrors)
     }
 }
 

@@ -4,14 +4,14 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use rayon::prelude::*;
 
+use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
-use crate::pointwise_map::SurfacePoint;
-use crate::progress::Progress;
+use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::layout::scan_rows;
 use crate::transfer::normal_maps::{FixedSpace, Spot, TangentSpace};
 use crate::transfer::surface::blend;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
-use crate::vector::{self, Point};
+use crate::watch::progress::Progress;
 
 /// Numbers a texel: red, green, blue, alpha.
 pub const CHANNELS: usize = 4;

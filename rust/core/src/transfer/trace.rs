@@ -1,8 +1,8 @@
 //! The straight way between two points of a surface, and the borders that it crosses.
 
-use crate::pointwise_map::SurfacePoint;
+use crate::algebra::vector;
+use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::surface::{NONE, Surface};
-use crate::vector;
 
 /// Most triangles on a way: a longer one is lost.
 const MOST_STEPS: usize = 4096;

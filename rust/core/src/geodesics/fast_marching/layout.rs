@@ -1,7 +1,7 @@
 //! Layout of a mesh for marching: the edges around each vertex as fans of spokes, in blocks for vector registers.
 
-use crate::dense::LANES;
-use crate::vector::{self, Point};
+use crate::algebra::dense::LANES;
+use crate::algebra::vector::{self, Point};
 
 /// Triangles around a vertex of which those that share an edge are looked for one by one.
 const MOST_COMPARED: usize = 64;

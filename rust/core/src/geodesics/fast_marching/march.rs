@@ -2,10 +2,10 @@
 
 use super::layout::{FastMarching, Spokes};
 use super::update::{FAR, Front, Reached};
-use crate::dense::LANES;
+use crate::algebra::dense::LANES;
+use crate::algebra::vector;
 use crate::geodesics::front_queue::FrontQueue;
 use crate::mesh::Mesh;
-use crate::vector;
 
 /// Start of a march: a vertex with its distance from a point source.
 #[derive(Debug, Clone, Copy, PartialEq)]

@@ -11,9 +11,9 @@ pub(super) use sweep::{Sweeping, TOGETHER};
 
 use std::array::from_mut;
 
-use crate::dense::vectorised;
+use crate::algebra::dense::vectorised;
+use crate::algebra::vector::Point;
 use crate::mesh::Mesh;
-use crate::vector::Point;
 
 impl FastMarching {
     /// Lays out a mesh.
@@ -116,9 +116,9 @@ impl FastMarching {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::algebra::vector;
     use crate::geodesics::distances_from;
     use crate::testing::draws;
-    use crate::vector;
 
     fn marched(vertices: &[Point], faces: &[[u32; 3]], source: u32) -> Vec<f32> {
         let marching = FastMarching::from_triangles(vertices, faces);

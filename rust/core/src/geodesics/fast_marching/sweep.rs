@@ -3,8 +3,8 @@
 use super::layout::FastMarching;
 use super::march::{Seed, Workspace};
 use super::update::{across, unfolded};
-use crate::dense::{LANES, vectorised};
-use crate::packed::{packed, unpacked};
+use crate::algebra::dense::{LANES, vectorised};
+use crate::algebra::packed::{packed, unpacked};
 
 /// Sources that are swept together, each in a lane of its own.
 pub(in crate::geodesics) const TOGETHER: usize = 2 * LANES;

@@ -3,7 +3,7 @@
 use std::array::from_fn;
 
 use super::layout::Spokes;
-use crate::dense::LANES;
+use crate::algebra::dense::LANES;
 
 /// A vertex that was already passed is opened again only for a gain above this fraction of the
 /// edge it came by: below, the change is smaller than the discretisation error by far.

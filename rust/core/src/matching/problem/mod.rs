@@ -1,0 +1,4 @@
+//! What is asked: two shapes, and what is known of the map between them.
+
+pub mod constraints;
+pub mod pair;

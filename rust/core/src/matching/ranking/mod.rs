@@ -1,0 +1,288 @@
+//! Which of the candidates is the map.
+
+mod contradiction;
+mod metrics;
+pub mod quality;
+mod shortlist;
+
+use faer::Mat;
+use rayon::prelude::*;
+
+use self::contradiction::{landmark_images, missed_landmarks, off_axes, off_symmetry};
+use self::metrics::of_judged;
+use self::shortlist::{DIFFERENT, SHORTLISTED, Shortlisted, mirrored_gain, shortlist};
+use crate::algebra::vector;
+use crate::error::Result;
+use crate::matching::problem::constraints::Constraints;
+use crate::matching::problem::pair::{Coverage, Mirror, Pair};
+use crate::matching::refinement::embedded_surface::{self, Refined};
+use crate::matching::refinement::upsampling::UPSAMPLED_SIZE;
+use crate::matching::search::{Candidate, Reach};
+use crate::shape::Shape;
+
+pub use metrics::{Metrics, agreement, judging, metrics, sampled_images};
+
+/// Eigenfunctions of a candidate's map after its short refinement.
+const REFINED_SIZE: usize = 120;
+/// Candidates whose ranks differ by less than this fraction are told apart by their dense maps.
+const CLOSE: f64 = 0.15;
+/// No map comes near where the second rank is beyond this.
+const ALONE: Reach = Reach {
+    times: 1.6,
+    floor: 5e-3,
+};
+/// Maps whose images lie farther apart than this on average are not the same.
+const ANOTHER_MAP: f64 = 0.05;
+/// Beyond this margin more says nothing.
+const MARGIN_AT_MOST: f64 = 2.0;
+
+/// A map that may be the right one, before its final refinement.
+#[derive(Debug, Clone)]
+pub struct Hypothesis {
+    /// Map of up to 120 eigenfunctions, target coefficients → source coefficients.
+    pub matrix: Mat<f64>,
+    /// Its metrics in the vote.
+    pub metrics: Metrics,
+    /// Which shape it takes as a part of the other.
+    pub coverage: Coverage,
+    /// Whether it takes the shapes to lie on one another as they were given.
+    pub in_place: bool,
+    /// How many units of length of the source one of the target is, where that is known, else 1.
+    pub lengths: f64,
+    /// Source vertices of the target's farthest-point samples, and target vertices of the source's.
+    pub images: [Vec<u32>; 2],
+}
+
+impl Hypothesis {
+    /// Whether a part is sought on a whole, by more than where they lie as given.
+    #[must_use]
+    pub fn is_of_part(&self) -> bool {
+        self.coverage != Coverage::BOTH && !self.in_place
+    }
+
+    /// Replaces its metrics and images by those of its completed map.
+    pub fn judge_anew(&mut self, metrics: Metrics, completed: &Refined<'_>) {
+        self.metrics = metrics;
+        self.images = sampled_images(completed);
+    }
+
+    /// Source vertices of the samples on which maps are judged.
+    #[must_use]
+    pub fn judged_images(&self) -> &[u32] {
+        of_judged(&self.images[0])
+    }
+}
+
+/// Plausible maps: upsamples and scores the candidates, refines the best that differ for a short while, and orders
+/// them by what the refined maps do to distances and orientation.
+///
+/// # Errors
+/// [`crate::Error::NoMap`] when no candidate keeps the orientation; [`crate::Error::Cancelled`].
+pub fn vote(
+    pair: &Pair<'_>,
+    candidates: &[Candidate],
+    report: &(dyn Fn(f64) -> Result<()> + Sync),
+) -> Result<Vec<Hypothesis>> {
+    let mut judged: Vec<Hypothesis> = shortlist(pair, candidates, report)?
+        .par_iter()
+        .map(|voter| judged(pair, voter, &|| report(0.6)))
+        .collect::<Result<_>>()?;
+    judged.sort_by(|a, b| a.metrics.cost().total_cmp(&b.metrics.cost()));
+    let gain = mirrored_gain(candidates);
+    for hypothesis in &mut judged {
+        hypothesis.metrics.mirrored_gain = gain;
+    }
+    Ok(judged)
+}
+
+/// Short refinement, then the metrics by which candidates are ordered.
+///
+/// Landmarks do not guide it: what a candidate makes of them by itself tells which one is right.
+fn judged(
+    pair: &Pair<'_>,
+    voter: &Shortlisted,
+    check: &(dyn Fn() -> Result<()> + Sync),
+) -> Result<Hypothesis> {
+    let unguided = Pair {
+        constraints: &Constraints::default(),
+        ..*pair
+    };
+    let state = embedded_surface::refined(
+        &unguided,
+        voter.matrix.as_ref(),
+        None,
+        embedded_surface::SHORT,
+        &|_| check(),
+    )?;
+    let images = sampled_images(&state);
+    let mut metrics = metrics(pair, voter.matrix.as_ref(), &images);
+    metrics.contradiction = voter.contradiction + off_symmetry(pair, of_judged(&images[0]));
+    Ok(Hypothesis {
+        matrix: state.low_map(REFINED_SIZE)?,
+        metrics,
+        coverage: pair.coverage,
+        in_place: false,
+        lengths: pair.lengths,
+        images,
+    })
+}
+
+/// Plausible maps of a part into a whole, best first: first maps, `(kₛ, kₜ)`, refined for a short while. How long the
+/// unit of one is on the other has to be known.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
+pub fn of_part(
+    pair: &Pair<'_>,
+    first_maps: &[Mat<f64>],
+    check: &(dyn Fn() -> Result<()> + Sync),
+) -> Result<Vec<Hypothesis>> {
+    let unguided = Pair {
+        constraints: &Constraints::default(),
+        ..*pair
+    };
+    let judged: Vec<Hypothesis> = first_maps
+        .par_iter()
+        .map(|first| {
+            let schedule = embedded_surface::OF_PART;
+            let state =
+                embedded_surface::refined(&unguided, first.as_ref(), None, schedule, &|_| check())?;
+            let images = sampled_images(&state);
+            let on_source = of_judged(&images[0]);
+            let matrix = state.low_map(UPSAMPLED_SIZE)?;
+            let mut metrics = metrics(pair, matrix.as_ref(), &images);
+            let of_landmarks = landmark_images(pair, &state.target().rows, &state.source().rows);
+            metrics.contradiction = missed_landmarks(pair, &of_landmarks)
+                + off_axes(pair, on_source)
+                + off_symmetry(pair, on_source);
+            Ok(Hypothesis {
+                matrix,
+                metrics,
+                coverage: pair.coverage,
+                in_place: false,
+                lengths: pair.lengths,
+                images,
+            })
+        })
+        .collect::<Result<_>>()?;
+    let direct = judged
+        .into_iter()
+        .filter(|h| pair.mirror == Mirror::Allow || h.metrics.orientation > 0.0);
+    let mut best = merged(pair.source, direct.collect(), Vec::new());
+    best.truncate(SHORTLISTED);
+    Ok(best)
+}
+
+/// The map between surfaces that lie on one another as they were given, found without what is known of it.
+///
+/// # Errors
+/// [`crate::Error::NotFactorised`].
+pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Result<Hypothesis> {
+    let asking = found.target();
+    let matrix = found.low_map(UPSAMPLED_SIZE)?;
+    let images = sampled_images(found);
+    let [on_source, on_target] = images.each_ref().map(|images| of_judged(images));
+    let mut metrics = metrics(pair, matrix.as_ref(), &images);
+    // Spectra of a part and of the whole say little of which side is up; here normals do.
+    metrics.orientation = pair
+        .coverage
+        .mean(
+            facing(pair.target, pair.source, on_source),
+            facing(pair.source, pair.target, on_target),
+        )
+        .abs();
+    let image = |&(_, t): &(u32, u32)| asking.images.vertex[t as usize];
+    let of_landmarks: Vec<u32> = pair.constraints.landmarks.iter().map(image).collect();
+    metrics.contradiction = missed_landmarks(pair, &of_landmarks) + off_axes(pair, on_source);
+    Ok(Hypothesis {
+        matrix,
+        metrics,
+        coverage: pair.coverage,
+        in_place: true,
+        lengths: pair.lengths,
+        images,
+    })
+}
+
+/// Mean cosine between the normals at one shape's judging samples and at their images.
+fn facing(asking: &Shape, answering: &Shape, images: &[u32]) -> f64 {
+    let cosine = |(&v, &image): (&u32, &u32)| {
+        vector::dot(
+            asking.normals[v as usize],
+            answering.normals[image as usize],
+        )
+    };
+    let sum: f64 = judging(asking).iter().zip(images).map(cosine).sum();
+    sum / images.len() as f64
+}
+
+/// How many hypotheses, best first, come so close to the first that their order by rank says
+/// little.
+#[must_use]
+pub fn rivals(hypotheses: &[Hypothesis]) -> usize {
+    let bound = hypotheses
+        .first()
+        .map_or(0.0, |best| (1.0 + CLOSE) * best.metrics.cost());
+    hypotheses
+        .iter()
+        .take_while(|h| h.metrics.cost() <= bound)
+        .count()
+}
+
+/// The hypotheses of two searches, best first, of those that say the same the better one.
+#[must_use]
+pub fn merged(source: &Shape, some: Vec<Hypothesis>, more: Vec<Hypothesis>) -> Vec<Hypothesis> {
+    let mut all: Vec<Hypothesis> = some.into_iter().chain(more).collect();
+    all.sort_by(|a, b| a.metrics.cost().total_cmp(&b.metrics.cost()));
+    let mut kept: Vec<Hypothesis> = Vec::new();
+    for hypothesis in all {
+        if !kept
+            .iter()
+            .any(|other| say_the_same(source, &hypothesis, other))
+        {
+            kept.push(hypothesis);
+        }
+    }
+    kept
+}
+
+/// Whether two hypotheses are one map but for details.
+#[must_use]
+pub fn say_the_same(source: &Shape, a: &Hypothesis, b: &Hypothesis) -> bool {
+    source.mean_spectral_distance(a.judged_images(), b.judged_images()) <= DIFFERENT
+}
+
+/// Holds the symmetry of both shapes, found since, against hypotheses that were made without it.
+pub fn hold_symmetry_against(pair: &Pair<'_>, hypotheses: &mut [Hypothesis]) {
+    for hypothesis in hypotheses {
+        hypothesis.metrics.contradiction += off_symmetry(pair, hypothesis.judged_images());
+    }
+}
+
+/// Whether there is a first hypothesis and the rank of every other is far above its.
+#[must_use]
+pub fn stands_alone(hypotheses: &[Hypothesis]) -> bool {
+    hypotheses.split_first().is_some_and(|(first, others)| {
+        let bound = ALONE.from(first.metrics.cost());
+        others.iter().all(|h| h.metrics.cost() > bound)
+    })
+}
+
+/// Writes into all metrics how far each map lies from the chosen one, and how clearly that one
+/// stands before the best that differs.
+pub fn compare_with_chosen(source: &Shape, chosen: usize, hypotheses: &mut [Hypothesis]) {
+    let images = hypotheses[chosen].judged_images().to_vec();
+    let mut margin = MARGIN_AT_MOST;
+    let rank = hypotheses[chosen].metrics.cost();
+    for hypothesis in hypotheses.iter_mut() {
+        let apart = source.mean_spectral_distance(hypothesis.judged_images(), &images);
+        let metrics = &mut hypothesis.metrics;
+        metrics.apart = apart;
+        if metrics.apart > ANOTHER_MAP {
+            margin = margin.min(metrics.cost() / rank);
+        }
+    }
+    for hypothesis in hypotheses {
+        hypothesis.metrics.margin = margin;
+    }
+}

@@ -1,0 +1,125 @@
+//! How long the unit of one shape is on the other, of which it may be a part.
+//!
+//! Every shape has unit area here. Where one is cut off the other its lengths are then too large, and its
+//! k-th eigenfunction is not the k-th of the whole; a first map tells by how much.
+
+use crate::matching::problem::pair::{Coverage, Pair};
+use crate::shape::Shape;
+
+/// Samples between which distances are compared.
+const SAMPLES: usize = 200;
+/// Distances that are compared, √area: shorter ones are imprecise, longer ones lead around what was cut away.
+const COMPARED: std::ops::Range<f64> = 0.1..0.4;
+/// Shapes of more than this fraction of each other's lengths are taken for equal: characters of other
+/// build come to 0.98.
+const EQUAL_FROM: f64 = 0.95;
+
+/// Units of length of the source that one of the target is by a map between them: the median over
+/// distances at samples; 1 unless it shows that the smaller shape is an open surface.
+///
+/// The images are those of every vertex.
+#[must_use]
+pub fn relative_length(pair: &Pair<'_>, on_source: &[u32], on_target: &[u32]) -> f64 {
+    let by_target = || median_growth(pair.target, pair.source, on_source);
+    let by_source = || 1.0 / median_growth(pair.source, pair.target, on_target);
+    let (target_is_open, source_is_open) = (pair.target.mesh.is_open(), pair.source.mesh.is_open());
+    if !target_is_open && !source_is_open {
+        return 1.0;
+    }
+    let length = match pair.coverage {
+        Coverage::TARGET_IS_PART => by_target(),
+        Coverage::SOURCE_IS_PART => by_source(),
+        _ => {
+            let (by_target, by_source) = rayon::join(by_target, by_source);
+            (by_target * by_source).sqrt()
+        }
+    };
+    if (length < EQUAL_FROM && target_is_open) || (length > 1.0 / EQUAL_FROM && source_is_open) {
+        length
+    } else {
+        1.0
+    }
+}
+
+/// [`growth_at_samples`] by the images of all vertices.
+fn median_growth(own: &Shape, other: &Shape, images: &[u32]) -> f64 {
+    let samples = own.farthest_points(SAMPLES).iter();
+    let images: Vec<u32> = samples.map(|&v| images[v as usize]).collect();
+    growth_at_samples(own, other, &images)
+}
+
+/// Median of the distance between images over that between samples; 1 where there is none to compare. The
+/// images are those of the first farthest-point samples.
+#[must_use]
+pub fn growth_at_samples(own: &Shape, other: &Shape, images: &[u32]) -> f64 {
+    let samples = own.farthest_points(SAMPLES.min(images.len()));
+    let images = &images[..samples.len()];
+    let here = own.spectral_distances(samples, samples);
+    let there = other.spectral_distances(images, images);
+    let mut growths: Vec<f64> = (0..samples.len())
+        .flat_map(|j| (0..j).map(move |i| (i, j)))
+        .filter(|&at| COMPARED.contains(&here[at]))
+        .map(|at| there[at] / here[at])
+        .filter(|growth| *growth > 0.0)
+        .collect();
+    let middle = growths.len() / 2;
+    if growths.is_empty() {
+        1.0
+    } else {
+        *growths.select_nth_unstable_by(middle, f64::total_cmp).1
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matching::problem::constraints::Constraints;
+    use crate::testing::{RINGS, pair, torus};
+
+    fn found(
+        target: &Shape,
+        source: &Shape,
+        coverage: Coverage,
+        image: impl Fn(u32) -> u32,
+    ) -> f64 {
+        let constraints = Constraints::default();
+        let pair = pair(target, source, coverage, &constraints);
+        let images = |own: &Shape, other: &Shape| -> Vec<u32> {
+            let last = other.mesh.vertices.len() as u32 - 1;
+            (0..own.mesh.vertices.len() as u32)
+                .map(|v| image(v).min(last))
+                .collect()
+        };
+        relative_length(&pair, &images(target, source), &images(source, target))
+    }
+
+    #[test]
+    fn a_part_is_known_by_its_lengths() {
+        // Vertices of the part are the first of the whole.
+        let (whole, part) = (torus(RINGS), torus(32));
+        let truth = part.unit / whole.unit;
+        assert!(truth < 0.85);
+        // Spectral distances are about 2 % off.
+        let as_target = found(&part, &whole, Coverage::TARGET_IS_PART, |v| v);
+        assert!(
+            (as_target / truth - 1.0).abs() < 0.02,
+            "{as_target} {truth}"
+        );
+        let as_source = found(&whole, &part, Coverage::SOURCE_IS_PART, |v| v);
+        assert!(
+            (as_source * truth - 1.0).abs() < 0.02,
+            "{as_source} {truth}"
+        );
+    }
+
+    #[test]
+    fn a_closed_surface_is_no_part_even_if_a_map_crowds_it() {
+        let whole = torus(RINGS);
+        let crowded: Vec<u32> = (0..whole.mesh.vertices.len() as u32)
+            .map(|v| v / 3)
+            .collect();
+        assert!(median_growth(&whole, &whole, &crowded) < EQUAL_FROM);
+        let length = found(&whole, &whole, Coverage::TARGET_IS_PART, |v| v / 3);
+        assert!((length - 1.0).abs() < f64::EPSILON);
+    }
+}

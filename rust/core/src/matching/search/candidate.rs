@@ -1,0 +1,271 @@
+//! A map between the low ends of two spectra: fitted to point maps, and judged by those it gives.
+
+use faer::{Mat, MatRef, Scale};
+
+use super::sampled::{Sampled, Width};
+use crate::algebra::closest::closest;
+use crate::algebra::dense;
+use crate::error::Result;
+use crate::matching::problem::constraints::Which;
+use crate::matching::problem::pair::{Coverage, Mirror, Pair, Part};
+use crate::shape::gradients::orientation;
+
+/// Eigenfunctions of the finished candidates.
+pub const CANDIDATE_SIZE: usize = 24;
+/// Tikhonov weight of a fit, per sample.
+const FIT_RIDGE: f64 = 1e-3;
+/// Eigenfunctions whose bivectors tell direct from mirrored maps.
+const ORIENTATION_FUNCTIONS: usize = 8;
+/// Below this size the orientation of a right map is as good as random.
+pub(super) const ORIENTED_FROM: usize = 15;
+/// A map's energy is weighted by this less its orientation.
+const ORIENTATION_OFFSET: f64 = 1.2;
+
+/// A map between the low ends of two spectra, with its images on the samples.
+#[derive(Debug, Clone)]
+pub struct Candidate {
+    /// `(kₛ, kₜ)`: target coefficients → source coefficients, so that Φₛ C ≈ Φₜ at matched points.
+    pub matrix: Mat<f64>,
+    /// Number of the source sample for each asking target sample.
+    pub on_source: Vec<u32>,
+    /// Number of the target sample for each asking source sample.
+    pub on_target: Vec<u32>,
+    /// Geodesic distortion times the root of the descriptor mismatch.
+    pub energy: f64,
+    /// Orientation score, negative for a mirrored map; 1 where there are too few eigenfunctions to tell.
+    pub orientation: f64,
+    /// Energy raised where the orientation is doubtful: by this the beam is ordered.
+    pub rank: f64,
+}
+
+impl Candidate {
+    /// The inverse map.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        Self {
+            matrix: self.matrix.transpose().to_owned(),
+            on_source: self.on_target,
+            on_target: self.on_source,
+            ..self
+        }
+    }
+}
+
+/// Everything of a pair that the search reads, on the samples only.
+#[derive(Debug)]
+pub struct SampledPair<'a> {
+    pub(super) pair: Pair<'a>,
+    pub(super) width: Width,
+    pub(super) side_target: Sampled,
+    pub(super) side_source: Sampled,
+    /// Of the source's basis at its asking samples.
+    source_gram: Mat<f64>,
+}
+
+impl<'a> SampledPair<'a> {
+    /// Gathers the samples of both shapes.
+    #[must_use]
+    pub fn new(pair: Pair<'a>, width: Width) -> Self {
+        let (side_target, side_source) = rayon::join(
+            || Sampled::new(&pair, Which::Target, width),
+            || Sampled::new(&pair, Which::Source, width),
+        );
+        let asking = side_source.basis.get(..side_source.asking, ..);
+        let source_gram = gram(asking.get(.., ..CANDIDATE_SIZE.min(asking.ncols())));
+        Self {
+            pair,
+            width,
+            side_target,
+            side_source,
+            source_gram,
+        }
+    }
+
+    /// Eigenfunctions of the finished candidates.
+    pub(super) fn largest(&self) -> usize {
+        CANDIDATE_SIZE
+            .min(self.side_source.basis.ncols())
+            .min(self.side_target.basis.ncols())
+    }
+
+    /// Point maps of a matrix: on the source and on the target.
+    pub(super) fn images(&self, matrix: MatRef<'_, f64>) -> (Vec<u32>, Vec<u32>) {
+        let (ks, kt) = (matrix.nrows(), matrix.ncols());
+        let target = self.side_target.single.get(.., ..kt);
+        let turned = dense::product(self.side_source.basis.get(.., ..ks), matrix);
+        let source = dense::in_single(turned.as_ref());
+        rayon::join(
+            || {
+                closest(
+                    target.get(..self.side_target.asking, ..),
+                    source.as_ref(),
+                    Some(&self.side_source.fixed),
+                    1.0 / kt as f32,
+                )
+            },
+            || {
+                closest(
+                    source.get(..self.side_source.asking, ..),
+                    target,
+                    Some(&self.side_target.fixed),
+                    1.0 / kt as f32,
+                )
+            },
+        )
+    }
+
+    /// Point maps and energy of a matrix.
+    pub(super) fn judged(&self, matrix: Mat<f64>) -> Candidate {
+        let ks = matrix.nrows();
+        let (on_source, on_target) = self.images(matrix.as_ref());
+        let energy = self.energy(&on_source, &on_target);
+        let is_oriented = ks >= ORIENTED_FROM.min(self.largest());
+        let orientation = if self.pair.uses(Part::Orientation) && is_oriented {
+            let pairs = on_source.iter().enumerate();
+            let measured = orientation(
+                &self.side_target.gradients,
+                &self.side_source.gradients,
+                matrix.as_ref(),
+                pairs.map(|(i, &j)| (i, j as usize)),
+                ORIENTATION_FUNCTIONS,
+            );
+            self.wanted_sign() * measured
+        } else {
+            1.0
+        };
+        Candidate {
+            matrix,
+            orientation,
+            rank: energy
+                * (ORIENTATION_OFFSET
+                    - if !on_source.is_empty() && ks >= ORIENTED_FROM {
+                        orientation
+                    } else {
+                        0.0
+                    }),
+            on_source,
+            on_target,
+            energy,
+        }
+    }
+
+    /// Which orientation is looked for.
+    pub(super) fn wanted_sign(&self) -> f64 {
+        if self.pair.mirror == Mirror::Only {
+            -1.0
+        } else {
+            1.0
+        }
+    }
+
+    /// Fit at k from a candidate's point maps, with new point maps.
+    pub(super) fn refitted(&self, candidate: &Candidate, k: usize) -> Result<Candidate> {
+        self.fitted(&candidate.on_source, &candidate.on_target, k)
+    }
+
+    /// Fit at k from point maps, with new point maps.
+    pub(super) fn fitted(
+        &self,
+        on_source: &[u32],
+        on_target: &[u32],
+        k: usize,
+    ) -> Result<Candidate> {
+        Ok(self.judged(self.fit(on_source, on_target, k)?))
+    }
+
+    /// Fit at k from point maps.
+    pub(super) fn fit(&self, on_source: &[u32], on_target: &[u32], k: usize) -> Result<Mat<f64>> {
+        let bases = SampledBases {
+            target: self.side_target.basis.as_ref(),
+            source: self.side_source.basis.as_ref(),
+            source_gram: self.source_gram.as_ref(),
+        };
+        fit(bases, on_source, on_target, self.pair.coverage, k)
+    }
+
+    /// Root mean square change of distances between samples, times the root of the mean
+    /// descriptor mismatch.
+    fn energy(&self, on_source: &[u32], on_target: &[u32]) -> f64 {
+        let distortion = self.pair.coverage.mean(
+            self.side_source.distortion(on_source, &self.side_target),
+            self.side_target.distortion(on_target, &self.side_source),
+        );
+        let mismatch = self.pair.coverage.mean(
+            self.side_source.mean_mismatch(on_source),
+            self.side_target.mean_mismatch(on_target),
+        );
+        let distortion = if self.pair.uses(Part::Geodesic) {
+            distortion
+        } else {
+            1.0
+        };
+        (distortion * mismatch).sqrt()
+    }
+
+    /// Mean distance on the source between the images of two candidates.
+    pub(super) fn apart(&self, a: &Candidate, b: &Candidate) -> f64 {
+        let sum: f64 = a
+            .on_source
+            .iter()
+            .zip(&b.on_source)
+            .map(|(&p, &q)| f64::from(self.side_source.distances[(p as usize, q as usize)]))
+            .sum();
+        sum / a.on_source.len() as f64
+    }
+}
+
+/// Bases of both shapes at their samples.
+#[derive(Debug, Clone, Copy)]
+pub struct SampledBases<'a> {
+    /// The target's, `(s, k)`.
+    pub target: MatRef<'a, f64>,
+    /// The source's, `(s, k)`.
+    pub source: MatRef<'a, f64>,
+    /// [`gram`] of the latter's rows that ask.
+    pub source_gram: MatRef<'a, f64>,
+}
+
+/// `BᵀB`.
+#[must_use]
+pub fn gram(basis: MatRef<'_, f64>) -> Mat<f64> {
+    dense::product(basis.transpose(), basis)
+}
+
+/// Bijective least squares: C with Φₛ C ≈ Φₜ at the pairs of both point maps.
+///
+/// `on_source` are source samples for the first target samples, `on_target` target samples for the first source
+/// samples. Returns `(k, k)`.
+///
+/// # Errors
+/// [`crate::Error::NotFactorised`] when the pairs do not determine the map.
+pub fn fit(
+    bases: SampledBases<'_>,
+    on_source: &[u32],
+    on_target: &[u32],
+    coverage: Coverage,
+    k: usize,
+) -> Result<Mat<f64>> {
+    let SampledBases {
+        target,
+        source,
+        source_gram,
+    } = bases;
+    let (first, second) = (on_source.len(), on_target.len());
+    let ((mut gram, mut right), by_source) = rayon::join(
+        || {
+            let answers = dense::gather_rows(source, on_source, k);
+            let asked = target.get(..first, ..k);
+            let right = dense::product(answers.transpose(), asked);
+            (gram(answers.as_ref()), right)
+        },
+        || {
+            let answers = dense::gather_rows(target, on_target, k);
+            dense::product(source.get(..second, ..k).transpose(), answers.as_ref())
+        },
+    );
+    gram *= Scale(coverage.target);
+    gram += Scale(coverage.source) * source_gram.get(..k, ..k);
+    right *= Scale(coverage.target);
+    right += Scale(coverage.source) * by_source;
+    dense::solve_with_ridge(gram, |_| FIT_RIDGE * first as f64, right.as_ref())
+}

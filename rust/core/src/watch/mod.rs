@@ -1,0 +1,3 @@
+//! How a long computation is followed and stopped.
+
+pub mod progress;
