@@ -17,6 +17,7 @@ ROOMS = (
     "watch",
     "algebra",
     "mesh",
+    "envelope",
     "spectrum",
     "geodesics",
     "deformation",
@@ -32,6 +33,7 @@ ROOMS = (
     "matching::partial",
     "matching",
     "transfer",
+    "figure",
     "memory",
 )
 

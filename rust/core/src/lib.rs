@@ -7,6 +7,7 @@
 //! | [`error`], [`watch`] | what can go wrong; how a computation is followed and stopped |
 //! | [`algebra`] | dense and sparse linear algebra, nearest rows |
 //! | [`mesh`] | a checked triangle mesh at unit area |
+//! | [`envelope`] | one closed surface around a figure of many pieces |
 //! | [`spectrum`] | eigenpairs of the Laplace–Beltrami operator, W φ = λ A φ |
 //! | [`geodesics`] | distances by fast marching, and the operator α with D ≈ Φ α Φᵀ |
 //! | [`deformation`] | how a surface bends when it is drawn onto another |
@@ -14,6 +15,7 @@
 //! | [`baselines`] | the published method and those that it is compared with |
 //! | [`matching`] | the map between two shapes, its confidence and its grade |
 //! | [`transfer`] | data carried along a map |
+//! | [`figure`] | characters of many pieces, welded and matched by their envelopes where need be |
 //!
 //! ```
 //! use sgmds_core::{Options, Shape, match_shapes};
@@ -50,6 +52,9 @@ pub mod watch;
 
 pub mod algebra;
 pub mod mesh;
+
+pub mod envelope;
+
 pub mod spectrum;
 
 pub mod geodesics;
@@ -63,6 +68,8 @@ pub mod baselines;
 pub mod matching;
 
 pub mod transfer;
+
+pub mod figure;
 
 pub mod memory;
 #[cfg(test)]

@@ -2,6 +2,7 @@
 
 use std::f64::consts::TAU;
 
+use crate::algebra::vector::Point;
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::{Coverage, LeftOut, Mirror, Pair};
 use crate::shape::Shape;
@@ -25,6 +26,12 @@ pub fn spiked_torus() -> Shape {
 }
 
 fn spiked(rings: usize, spikes: &[u32]) -> Shape {
+    let (vertices, faces) = torus_mesh(rings, spikes, 0.0);
+    Shape::new(&vertices, &faces, &Progress::default(), &|_, _| Ok(())).expect("a sound mesh")
+}
+
+/// The first so many rings of the torus, with spikes, and thicker by so much. Without all rings some vertices have no face.
+pub fn torus_mesh(rings: usize, spikes: &[u32], thicker: f64) -> (Vec<Point>, Vec<[i64; 3]>) {
     const HEIGHT: f64 = 0.35;
     let at = |i: usize, j: usize| ((i % RINGS) * AROUND + j % AROUND) as i64;
     let angle = |i: usize, of: usize| TAU * i as f64 / of as f64;
@@ -36,7 +43,7 @@ fn spiked(rings: usize, spikes: &[u32]) -> Shape {
             );
             let spike = spikes.contains(&(number as u32));
             let lifted = if spike { HEIGHT } else { 0.0 };
-            let thick = 0.3 + 0.1 * u.cos() + 0.05 * (2.0 * u).sin() + lifted;
+            let thick = 0.3 + 0.1 * u.cos() + 0.05 * (2.0 * u).sin() + lifted + thicker;
             let radius = 1.0 + thick * v.cos();
             [radius * u.cos(), radius * u.sin(), thick * v.sin()]
         })
@@ -52,7 +59,7 @@ fn spiked(rings: usize, spikes: &[u32]) -> Shape {
             ]
         })
         .collect();
-    Shape::new(&vertices, &faces, &Progress::default(), &|_, _| Ok(())).expect("a sound mesh")
+    (vertices, faces)
 }
 
 /// Pseudo-random numbers below 2³¹ (Knuth's linear congruential generator, of which the first bits are best).

@@ -18,13 +18,14 @@ from .errors import (
     SgmdsError,
 )
 from .matching import match
-from .shape import Shape
+from .shape import Figure, Shape
 from .transfer import SurfaceMap, judge_layout, uv_islands
 
 __all__ = [
     "ArgumentError",
     "Cancelled",
     "Correspondence",
+    "Figure",
     "InternalError",
     "MatchError",
     "MeshError",

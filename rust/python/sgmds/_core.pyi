@@ -13,6 +13,7 @@ __all__ = [
     "SurfaceMap",
     "__version__",
     "checked_size",
+    "envelope",
     "judge_layout",
     "match_pair",
     "memory_for_spectrum",
@@ -23,6 +24,8 @@ __all__ = [
     "restore",
     "transfer_values",
     "uv_islands",
+    "visible",
+    "weld",
 ]
 
 __version__: str
@@ -48,6 +51,8 @@ class PreparedShape:
     def checked_size(self) -> tuple[int, int]: ...
     @property
     def vertex_count(self) -> int: ...
+    @property
+    def made(self) -> dict[str, Any]: ...
     @property
     def report(self) -> dict[str, int]: ...
 
@@ -109,6 +114,15 @@ def memory_for_spectrum(vertices: int, faces: int) -> int: ...
 def memory_to_match(source: int, target: int) -> int: ...
 def checked_size(vertices: _Floats, faces: _Ids) -> tuple[int, int]: ...
 def provoke_panic() -> None: ...
+def weld(vertices: _Floats, faces: _Ids) -> tuple[_Floats, _Ids, _Ids, _Ids]: ...
+def visible(vertices: _Floats, faces: _Ids) -> NDArray[np.float32]: ...
+def envelope(
+    vertices: _Floats,
+    faces: _Ids,
+    cells: int | None = None,
+    offsets: Sequence[tuple[float, float, float]] | None = None,
+    threads: int | None = None,
+) -> tuple[_Floats, _Ids, dict[str, Any]]: ...
 def transfer_values(faces: _Ids, barycentric: _Floats, triangles: _Ids, values: _Floats) -> _Floats: ...
 
 @final

@@ -6,6 +6,7 @@ import math
 import operator
 import os
 from collections.abc import Callable
+from dataclasses import dataclass
 from types import EllipsisType
 from typing import Any, Self
 
@@ -154,6 +155,22 @@ def checked_threads(threads: Any) -> int | None:
     return None if threads is None else checked_count("threads", threads, 1, MOST_THREADS)
 
 
+@dataclass(frozen=True)
+class Figure:
+    """How a mesh of whatever pieces became one surface."""
+
+    welded: int
+    """Vertices that were joined to another at the same place."""
+    pieces: int
+    """Connected pieces after that."""
+    envelope: bool
+    """Whether the closed envelope of all pieces is matched, since no piece carries nearly all that is seen."""
+    handles: int
+    """Handles of the envelope; 0 without one."""
+    seen: float
+    """Share of the area visible from outside that lies on what is matched."""
+
+
 class Shape:
     """All per-shape work of a match: spectrum, samples, distances, descriptors.
 
@@ -254,6 +271,11 @@ class Shape:
     def distance_operator(self) -> Floats:
         """(q, q) matrix α with ``D ≈ Φ α Φᵀ`` over the first q eigenfunctions."""
         return self._spectral("distance_operator")
+
+    @property
+    def figure(self) -> Figure:
+        """What was done to match the mesh as one figure."""
+        return Figure(**self._core.made)
 
     @property
     def report(self) -> dict[str, int]:

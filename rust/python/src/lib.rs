@@ -4,6 +4,7 @@
     reason = "arguments of Python functions are extracted by value"
 )]
 
+mod envelope;
 mod errors;
 mod kernels;
 mod transfer;
@@ -17,34 +18,35 @@ use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgmds_core::Error;
+use sgmds_core::figure::{self, Figure, FigureMap};
 use sgmds_core::geodesics::metric::Metric;
 use sgmds_core::matching::problem::pair::{Coverage, LeftOut, Mirror};
+use sgmds_core::matching::ranking::Metrics;
 use sgmds_core::matching::ranking::quality;
-use sgmds_core::matching::ranking::{Hypothesis, Metrics};
 use sgmds_core::matching::{self, Correspondence, Method, Options};
 use sgmds_core::memory;
 use sgmds_core::mesh::Mesh;
+use sgmds_core::shape::CostlyParts;
 use sgmds_core::shape::full_resolution::FullResolution;
-use sgmds_core::shape::{CostlyParts, Shape};
 
 use watched::watched;
 
-/// A prepared shape.
+/// A prepared figure: a surface, or pieces that are matched as one.
 #[pyclass(frozen, module = "sgmds._core")]
 struct PreparedShape {
-    shape: Arc<Shape>,
+    figure: Arc<Figure>,
 }
 
 /// What `match_pair` takes for each shape.
 enum Input {
-    Ready(Arc<Shape>),
+    Ready(Arc<Figure>),
     Raw(Vec<[f64; 3]>, Vec<[i64; 3]>),
 }
 
 impl Input {
     fn extract(value: &Bound<'_, PyAny>) -> PyResult<Self> {
         if let Ok(shape) = value.cast::<PreparedShape>() {
-            return Ok(Self::Ready(Arc::clone(&shape.get().shape)));
+            return Ok(Self::Ready(Arc::clone(&shape.get().figure)));
         }
         let (vertices, faces): (PyReadonlyArray2<'_, f64>, PyReadonlyArray2<'_, i64>) =
             value.extract()?;
@@ -55,11 +57,11 @@ impl Input {
         self,
         progress: &sgmds_core::watch::progress::Progress,
         report: &(dyn Fn(&'static str, f64) -> Result<(), Error> + Sync),
-    ) -> Result<Arc<Shape>, Error> {
+    ) -> Result<Arc<Figure>, Error> {
         match self {
-            Self::Ready(shape) => Ok(shape),
+            Self::Ready(figure) => Ok(figure),
             Self::Raw(vertices, faces) => {
-                Shape::new(&vertices, &faces, progress, report).map(Arc::new)
+                Figure::new(&vertices, &faces, Metric::Euclidean, progress, report).map(Arc::new)
             }
         }
     }
@@ -82,13 +84,13 @@ impl PreparedShape {
     /// How lengths are measured.
     #[getter]
     fn metric(&self) -> &'static str {
-        self.shape.metric.name()
+        self.figure.shape.metric.name()
     }
 
     /// Eigenvalues, eigenfunctions, geodesics and distance operator in given numbering and
     /// units; they are computed now where the map is sought on another mesh than the given one.
     fn public_arrays<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let arrays = watched(py, None, None, |state| self.shape.public_arrays(state))?;
+        let arrays = watched(py, None, None, |state| self.figure.public_arrays(state))?;
         let dict = PyDict::new(py);
         dict.set_item("eigenvalues", arrays.eigenvalues.into_pyarray(py))?;
         for (name, array) in [
@@ -104,33 +106,34 @@ impl PreparedShape {
     /// Lumped areas at the given vertices.
     #[getter]
     fn mass<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        let mass = watched(py, None, None, |_| self.shape.given_mass())?;
+        let mass = watched(py, None, None, |_| self.figure.given_mass())?;
         Ok(mass.into_pyarray(py))
     }
 
     /// Samples from which distances were marched.
     #[getter]
     fn samples<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        self.shape.given_samples().into_pyarray(py)
+        self.figure.given_samples().into_pyarray(py)
     }
 
     /// Vertices of the mesh on which maps are sought.
     #[getter]
     fn working_vertices(&self) -> usize {
-        self.shape.mesh.vertices.len()
+        self.figure.shape.mesh.vertices.len()
     }
 
     /// The costly parts in the order of the checked mesh, at unit area, for `restore`.
     #[getter]
     fn parts<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let (basis, fields) = (&self.shape.basis, &self.shape.fields);
+        let shape = &self.figure.shape;
+        let (basis, fields) = (&shape.basis, &shape.fields);
         let flat: Vec<f32> = (0..fields.nrows())
             .flat_map(|i| (0..fields.ncols()).map(move |j| fields[(i, j)]))
             .collect();
         let dict = PyDict::new(py);
         dict.set_item("values", basis.values.clone().into_pyarray(py))?;
         dict.set_item("functions", matrix(py, basis.functions.as_ref())?)?;
-        dict.set_item("farthest", self.shape.farthest.clone().into_pyarray(py))?;
+        dict.set_item("farthest", shape.farthest.clone().into_pyarray(py))?;
         dict.set_item(
             "fields",
             flat.into_pyarray(py)
@@ -142,20 +145,33 @@ impl PreparedShape {
     /// Vertices and faces that were left to prepare, before any simplification.
     #[getter]
     fn checked_size(&self) -> (usize, usize) {
-        let mesh = self.shape.given_mesh();
+        let mesh = self.figure.shape.given_mesh();
         (mesh.vertices.len(), mesh.faces.len())
     }
 
     /// Given vertices.
     #[getter]
     fn vertex_count(&self) -> usize {
-        self.shape.given_mesh().input_positions.len()
+        self.figure.vertex_count()
+    }
+
+    /// What was done to make one surface of the figure.
+    #[getter]
+    fn made<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
+        let figure = &self.figure;
+        let dict = PyDict::new(py);
+        dict.set_item("welded", figure.joined())?;
+        dict.set_item("pieces", figure.pieces)?;
+        dict.set_item("envelope", figure.is_wrapped())?;
+        dict.set_item("handles", figure.handles())?;
+        dict.set_item("seen", figure.seen)?;
+        Ok(dict)
     }
 
     /// What the intake ignored or mended.
     #[getter]
     fn report<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
-        let r = &self.shape.mesh.report;
+        let r = self.figure.report();
         let dict = PyDict::new(py);
         for (name, count) in [
             ("zero_area_faces", r.zero_area_faces),
@@ -201,17 +217,17 @@ fn restore(
         functions[[i, j]]
     });
     let fields = faer::Mat::from_fn(fields.nrows(), fields.ncols(), |i, j| fields[[i, j]]);
-    let shape = watched(py, None, None, move |state| {
+    let figure = watched(py, None, None, move |state| {
         let parts = CostlyParts {
             values,
             functions,
             farthest,
             fields,
         };
-        Shape::restored(&vertices, &faces, metric, parts, state)
+        Figure::restored(&vertices, &faces, metric, parts, state)
     })?;
     Ok(PreparedShape {
-        shape: Arc::new(shape),
+        figure: Arc::new(figure),
     })
 }
 
@@ -228,24 +244,30 @@ fn prepare(
 ) -> PyResult<PreparedShape> {
     let (vertices, faces) = (triples(&vertices)?, triples(&faces)?);
     let metric = metric_named(metric)?;
-    let shape = watched(py, progress, threads, move |state| {
-        let shape = Shape::with_metric(&vertices, &faces, metric, state, &|stage, f| {
+    let figure = watched(py, progress, threads, move |state| {
+        let figure = Figure::new(&vertices, &faces, metric, state, &|stage, f| {
             state.enter(stage, f)
         })?;
-        shape.complete()?;
-        Ok(shape)
+        figure.shape.complete()?;
+        Ok(figure)
     })?;
     Ok(PreparedShape {
-        shape: Arc::new(shape),
+        figure: Arc::new(figure),
     })
 }
 
 /// A map as computed, with the shapes it needs to complete its alternatives.
 #[pyclass(frozen, module = "sgmds._core")]
 struct RawMatch {
-    source: Arc<Shape>,
-    target: Arc<Shape>,
-    found: Correspondence,
+    source: Arc<Figure>,
+    target: Arc<Figure>,
+    found: FigureMap,
+}
+
+impl RawMatch {
+    fn map(&self) -> &Correspondence {
+        &self.found.map
+    }
 }
 
 #[pymethods]
@@ -253,40 +275,40 @@ impl RawMatch {
     /// Source face of each target vertex's image.
     #[getter]
     fn faces<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        let ids: Vec<i64> = self.found.faces.iter().map(|&f| i64::from(f)).collect();
+        let ids: Vec<i64> = self.map().faces.iter().map(|&f| i64::from(f)).collect();
         ids.into_pyarray(py)
     }
 
     /// Weights of that face's corners.
     #[getter]
     fn barycentric<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let flat: Vec<f64> = self.found.barycentric.iter().flatten().copied().collect();
+        let flat: Vec<f64> = self.map().barycentric.iter().flatten().copied().collect();
         flat.into_pyarray(py)
-            .reshape([self.found.barycentric.len(), 3])
+            .reshape([self.map().barycentric.len(), 3])
     }
 
     /// Corner with the largest weight.
     #[getter]
     fn vertices<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        let ids: Vec<i64> = self.found.vertices.iter().map(|&v| i64::from(v)).collect();
+        let ids: Vec<i64> = self.map().vertices.iter().map(|&v| i64::from(v)).collect();
         ids.into_pyarray(py)
     }
 
     /// Confidence in [0, 1].
     #[getter]
     fn confidence<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
-        self.found.confidence.clone().into_pyarray(py)
+        self.map().confidence.clone().into_pyarray(py)
     }
 
     /// α, source coefficients → target coefficients; computed now where the map was sought on other meshes than
     /// the given ones.
     fn functional_map<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        if self.found.is_on_given_meshes() {
-            return matrix(py, self.found.functional_map.as_ref());
+        if self.map().is_on_given_meshes() {
+            return matrix(py, self.map().functional_map.as_ref());
         }
         let map = watched(py, None, None, |state| {
-            self.found
-                .full_functional_map(&self.source, &self.target, state)
+            self.map()
+                .full_functional_map(&self.source.shape, &self.target.shape, state)
         })?;
         matrix(py, map.as_ref())
     }
@@ -294,13 +316,16 @@ impl RawMatch {
     /// Whether the functional map is known already.
     #[getter]
     fn knows_functional_map(&self) -> bool {
-        self.found.is_on_given_meshes()
+        self.map().is_on_given_meshes()
     }
 
     /// Whether the functional map takes next to no time: unless a mesh was simplified, since it was large.
     #[getter]
     fn functional_map_is_quick(&self) -> bool {
-        let small = |shape: &Shape| shape.full.as_ref().is_none_or(FullResolution::is_finer);
+        let small = |figure: &Figure| {
+            let full = figure.shape.full.as_ref();
+            full.is_none_or(FullResolution::is_finer)
+        };
         small(&self.source) && small(&self.target)
     }
 
@@ -308,18 +333,12 @@ impl RawMatch {
     #[getter]
     fn quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let dict = PyDict::new(py);
-        dict.set_item("unmatched", self.found.unmatched)?;
-        let (grade, mut reasons) = match &self.found.metrics {
-            Some(metrics) => quality::graded(metrics, self.found.coverage),
-            None => quality::ungraded(),
-        };
-        for (role, shape) in [("source", &self.source), ("target", &self.target)] {
-            reasons.extend(quality::left_out(role, &shape.mesh.report));
-        }
-        reasons.extend(self.found.remarks.iter().cloned());
+        dict.set_item("unmatched", self.map().unmatched)?;
+        dict.set_item("unknown", self.found.unknown)?;
+        let (grade, reasons) = figure::graded(&self.found, &self.source, &self.target);
         dict.set_item("grade", grade.name())?;
         dict.set_item("reasons", reasons)?;
-        if let Some(metrics) = &self.found.metrics {
+        if let Some(metrics) = &self.map().metrics {
             dict.set_item("score", quality::score(metrics))?;
             let Metrics {
                 orientation,
@@ -342,7 +361,7 @@ impl RawMatch {
             dict.set_item("mirrored_gain", mirrored_gain)?;
             dict.set_item("torn", torn)?;
         }
-        if let Some(end) = &self.found.convergence {
+        if let Some(end) = &self.map().convergence {
             dict.set_item("energy", end.energy)?;
             if let Some(norm) = end.gradient_norm {
                 dict.set_item("gradient_norm", norm)?;
@@ -350,8 +369,8 @@ impl RawMatch {
             dict.set_item("steps", end.steps)?;
             dict.set_item("converged", end.converged)?;
         }
-        let map = self.found.functional_map.as_ref();
-        let energy = matching::energy(&self.source, &self.target, map)
+        let map = self.map().functional_map.as_ref();
+        let energy = matching::energy(&self.source.shape, &self.target.shape, map)
             .map_err(|e| errors::to_python(py, &e))?;
         dict.set_item("sgmds_energy", energy)?;
         Ok(dict)
@@ -360,7 +379,7 @@ impl RawMatch {
     /// How many alternatives there are.
     #[getter]
     fn alternative_count(&self) -> usize {
-        self.found.others.len()
+        self.map().others.len()
     }
 
     /// Completes one alternative to a dense map.
@@ -372,13 +391,16 @@ impl RawMatch {
         progress: Option<&Bound<'_, PyAny>>,
         threads: Option<usize>,
     ) -> PyResult<Self> {
-        let (source, target) = (Arc::clone(&self.source), Arc::clone(&self.target));
-        let other: Hypothesis = self.found.others[index].clone();
-        let constraints = Arc::clone(&self.found.constraints);
-        let found = watched(py, progress, threads, move |state| {
-            matching::completed(&source, &target, &constraints, &other, state, &|s, f| {
-                state.enter(s, f)
-            })
+        let found = watched(py, progress, threads, |state| {
+            let report = |stage: &'static str, f: f64| state.enter(stage, f);
+            figure::completed(
+                &self.source,
+                &self.target,
+                &self.found,
+                index,
+                state,
+                &report,
+            )
         })?;
         Ok(Self {
             source: Arc::clone(&self.source),
@@ -445,7 +467,7 @@ fn match_pair(
             (Err(error), _) => return Ok(Err(("source", error))),
             (_, Err(error)) => return Ok(Err(("target", error))),
         };
-        let found = matching::match_shapes(&source, &target, &options, state, &|stage, f| {
+        let found = figure::match_figures(&source, &target, &options, state, &|stage, f| {
             state.enter(stage, prepared_share + (1.0 - prepared_share) * f)
         })?;
         Ok(Ok(RawMatch {
@@ -547,6 +569,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(match_pair, module)?)?;
     module.add_function(wrap_pyfunction!(transfer_values, module)?)?;
     transfer::register(module)?;
+    envelope::register(module)?;
     module.add_function(wrap_pyfunction!(memory_to_prepare, module)?)?;
     module.add_function(wrap_pyfunction!(memory_to_match, module)?)?;
     module.add_function(wrap_pyfunction!(memory_for_spectrum, module)?)?;

@@ -10,5 +10,6 @@ pub mod edge_weights;
 mod intake;
 pub mod simplification;
 pub mod surface_point;
+pub mod weld;
 
 pub use intake::*;

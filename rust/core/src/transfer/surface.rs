@@ -13,7 +13,7 @@ pub const NONE: u32 = u32::MAX;
 const LEAF: usize = 4;
 
 /// A surface in its own units, all parts of it, nothing dropped or mended.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 pub struct Surface {
     /// Vertex positions, `(n)`.
     pub vertices: Vec<Point>,
@@ -32,7 +32,7 @@ struct Bounds {
 }
 
 /// A box over a part of `order`; its first child follows it.
-#[derive(Debug)]
+#[derive(Debug, Clone)]
 struct Node {
     bounds: Bounds,
     second_child: usize,

@@ -66,6 +66,27 @@ impl Correspondence {
         self.points.is_empty()
     }
 
+    /// A map that is known otherwise: for each vertex of the checked target its point on the checked source and how far to
+    /// trust it, and for the vertices of both working meshes their images on the other. It is not judged.
+    ///
+    /// # Errors
+    /// [`crate::Error::Cancelled`].
+    pub(crate) fn of_points(
+        source: &Shape,
+        target: &Shape,
+        points: Vec<SurfacePoint>,
+        trust: &[f64],
+        [images, back]: [&[u32]; 2],
+        progress: &Progress,
+    ) -> Result<Self> {
+        let map = functional_map(source, target, images, back, &|| progress.check())?;
+        let mut found = in_given_numbering(source, target, &points, trust, map);
+        if source.full.is_some() || target.full.is_some() {
+            found.points = points;
+        }
+        Ok(found)
+    }
+
     /// The functional map between the spectra of the given meshes when a working mesh is another one: these
     /// are computed when first asked for, which takes longer than the match.
     ///

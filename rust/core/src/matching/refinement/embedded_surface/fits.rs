@@ -61,7 +61,12 @@ impl Refined<'_> {
     /// Rodolà, Cosmo, Bronstein, Torsello, Cremers, "Partial functional correspondence", 2017.
     pub(super) fn sizes(&self, k: usize) -> [usize; 2] {
         let area = self.lengths * self.lengths;
-        [area, 1.0 / area].map(|ratio| (k as f64 * ratio.min(1.0)).round().max(1.0) as usize)
+        let size = |ratio: f64, side: &Side<'_>| {
+            let size = (k as f64 * ratio.min(1.0)).round().max(1.0) as usize;
+            // A small mesh has fewer than are asked for.
+            size.min(side.most())
+        };
+        [size(area, &self.moving), size(1.0 / area, &self.still)]
     }
 
     /// Low-passed surface plus the smooth displacement that brings it onto the other.

@@ -1,0 +1,233 @@
+//! From the map between what was matched to one between the given meshes, all pieces of them.
+//!
+//! A vertex goes to its nearest point of the target's envelope, from there along the map to the source's, and as deep under
+//! that as it lay under its own to the nearest point of the given source whose surface lies alike: skin to skin and
+//! cloth to cloth where both have both. What lies far from the envelope, as teeth do, was not matched: it goes to its
+//! counterpart where there is one, else with what lies around it.
+
+use rayon::prelude::*;
+
+use super::{Figure, ON_ENVELOPE, largest};
+use crate::algebra::vector::{self, Point};
+use crate::error::Result;
+use crate::matching::Correspondence;
+use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::surface::blend;
+use crate::transfer::{Surface, SurfaceMap};
+use crate::watch::progress::Progress;
+
+/// Images of the corners of a face that are farther apart than this many times its longest edge, at the source's
+/// size, belong to different limbs: the nearest corner's is taken. Faces of right maps stretch to about three times.
+const TORN: f64 = 6.0;
+
+/// Cosine of the angle between two surfaces from which they lie alike, whatever their windings.
+const ALIKE: f64 = 0.3;
+
+/// Depth that is carried, over the largest extent: a body lies within it under ordinary clothes, and farther
+/// inside another surface's nearest point may be that of its other side.
+const DEEPEST: f64 = 0.05;
+
+/// How much farther than the nearest point of all one may lie that lies alike, over the largest extent.
+pub(super) const ASIDE: f64 = 0.03;
+
+/// A map between given meshes, and how much of what is seen of the target has no image of its own.
+#[derive(Debug)]
+pub struct FigureMap {
+    /// In given numbering; its functional map is between the spectra of what was matched.
+    pub map: Correspondence,
+    /// Share of the target's visible area that was placed without having been matched.
+    pub unknown: f64,
+    /// Whether the target is worn by the source and takes the nearest points.
+    pub is_worn: bool,
+}
+
+/// A vertex of the target before small pieces are put onto their counterparts.
+pub(super) struct Placed {
+    pub point: SurfacePoint,
+    pub confidence: f64,
+}
+
+impl FigureMap {
+    /// The map between two figures from that between what was matched of them.
+    pub(super) fn pulled_back(
+        mut map: Correspondence,
+        source: &Figure,
+        target: &Figure,
+        progress: &Progress,
+    ) -> Result<Self> {
+        progress.check()?;
+        let has_unmatched = map.unmatched > 0 && target.pieces > 1;
+        if source.is_plain() && target.is_plain() && !has_unmatched {
+            return Ok(Self {
+                map,
+                unknown: 0.0,
+                is_worn: false,
+            });
+        }
+        let placed = if source.is_wrapped() || target.is_wrapped() {
+            placed(&map, source, target, progress)?
+        } else {
+            let points = map.faces.iter().zip(&map.barycentric);
+            let points = points.map(|(&face, &weights)| SurfacePoint { face, weights });
+            points
+                .zip(&map.confidence)
+                .map(|(point, &confidence)| Placed { point, confidence })
+                .collect()
+        };
+        let unknown = unknown(target, &placed);
+        let placed = on_counterparts(source, target, placed)?;
+        in_given_numbering(&mut map, source, target, &placed);
+        Ok(Self {
+            map,
+            unknown,
+            is_worn: false,
+        })
+    }
+}
+
+/// Puts images of welded target vertices into the numbering of the given meshes.
+pub(super) fn in_given_numbering(
+    map: &mut Correspondence,
+    source: &Figure,
+    target: &Figure,
+    placed: &[Placed],
+) {
+    let count = target.vertex_count();
+    map.faces = Vec::with_capacity(count);
+    map.barycentric = Vec::with_capacity(count);
+    map.vertices = Vec::with_capacity(count);
+    map.confidence = Vec::with_capacity(count);
+    for &class in &target.welded.class {
+        let Placed { point, confidence } = &placed[class as usize];
+        let face = source.welded.face[point.face as usize];
+        map.faces.push(face);
+        map.barycentric.push(point.weights);
+        map.vertices
+            .push(source.faces[face as usize][largest(point.weights)]);
+        map.confidence.push(*confidence);
+    }
+    map.unmatched = map.confidence.iter().filter(|&&c| c == 0.0).count();
+}
+
+/// Images of welded target vertices on the welded source where either is matched by its envelope.
+fn placed(
+    map: &Correspondence,
+    source: &Figure,
+    target: &Figure,
+    progress: &Progress,
+) -> Result<Vec<Placed>> {
+    let (on_source, on_target) = (source.matched()?, target.matched()?);
+    let given = source.given()?;
+    let extents = [on_source, on_target].map(|s| super::extent(&s.vertices));
+    // √area tells sizes of bodies with limbs better than extents, which depend on the pose.
+    let scale = source.shape.unit / target.shape.unit;
+    let images: Vec<Point> = map
+        .faces
+        .iter()
+        .zip(&map.barycentric)
+        .map(|(&face, &weights)| blend(on_source.corners(face), weights))
+        .collect();
+    let image = |v: usize| -> Placed {
+        let (corners, weights, height, away) = match &target.wrapped {
+            Some(wrapped) => {
+                let anchor = wrapped.anchors[v];
+                let corners = on_target.triangles[anchor.point.face as usize];
+                (corners, anchor.point.weights, anchor.height, anchor.away)
+            }
+            None => ([v as u32; 3], [1.0, 0.0, 0.0], 0.0, 0.0),
+        };
+        let nearest = corners[largest(weights)] as usize;
+        let places = corners.map(|c| images[c as usize]);
+        let [a, b, c] = places;
+        let spread = vector::distance(a, b)
+            .max(vector::distance(b, c))
+            .max(vector::distance(c, a));
+        let longest = match &target.wrapped {
+            Some(wrapped) => scale * on_target.longest_edge(wrapped.anchors[v].point.face),
+            None => 0.0,
+        };
+        let place = if spread <= TORN * longest {
+            blend(places, weights)
+        } else {
+            images[nearest]
+        };
+        let mut confidence: f64 = (0..3)
+            .map(|i| weights[i] * map.confidence[corners[i] as usize])
+            .sum();
+        if away > ON_ENVELOPE {
+            confidence = 0.0;
+        }
+        let face = map.faces[nearest];
+        if !source.is_wrapped() && !target.is_wrapped() {
+            let point = SurfacePoint {
+                face,
+                weights: map.barycentric[nearest],
+            };
+            return Placed { point, confidence };
+        }
+        let normal = vector::normalised(on_source.cross(face));
+        let height = (scale * height).clamp(-DEEPEST * extents[0], DEEPEST * extents[0]);
+        let goal = vector::add(place, vector::scaled(normal, height));
+        let point = lying_alike(given, goal, normal, ASIDE * extents[0]);
+        Placed { point, confidence }
+    };
+    (0..target.welded.vertices.len())
+        .into_par_iter()
+        .map(|v| {
+            progress.check()?;
+            Ok(image(v))
+        })
+        .collect()
+}
+
+/// Nearest point where the surface lies alike, unless another is nearer by more than `aside`.
+pub(super) fn lying_alike(
+    surface: &Surface,
+    goal: Point,
+    normal: Point,
+    aside: f64,
+) -> SurfacePoint {
+    let nearest = surface.nearest(goal);
+    let is_alike = |face: u32| {
+        let cross = surface.cross(face);
+        vector::dot(cross, normal).abs() > ALIKE * vector::norm(cross)
+    };
+    if is_alike(nearest.face) {
+        return nearest;
+    }
+    let within = aside + vector::distance(goal, surface.position(&nearest));
+    surface
+        .nearest_within(goal, within, is_alike)
+        .unwrap_or(nearest)
+}
+
+/// Share of the visible area of the target whose vertices have no image of their own.
+fn unknown(target: &Figure, placed: &[Placed]) -> f64 {
+    let Some(visible) = &target.visible else {
+        return 0.0;
+    };
+    let all: f64 = visible.iter().sum();
+    let of_face = |f: &[u32; 3]| {
+        let is_unknown = |&&v: &&u32| placed[v as usize].confidence == 0.0;
+        f.iter().filter(is_unknown).count() as f64 / 3.0
+    };
+    let faces = target.welded.faces.iter().zip(visible);
+    let unknown: f64 = faces.map(|(f, area)| area * of_face(f)).sum();
+    if all > 0.0 { unknown / all } else { 0.0 }
+}
+
+/// Pieces without an image of their own, on their counterparts of the source where it has them.
+fn on_counterparts(source: &Figure, target: &Figure, placed: Vec<Placed>) -> Result<Vec<Placed>> {
+    if target.pieces < 2 || placed.iter().all(|p| p.confidence > 0.0) {
+        return Ok(placed);
+    }
+    let faces: Vec<i64> = placed.iter().map(|p| i64::from(p.point.face)).collect();
+    let weights: Vec<[f64; 3]> = placed.iter().map(|p| p.point.weights).collect();
+    let confidence = placed.iter().map(|p| p.confidence).collect();
+    let (source, target) = (source.given()?.clone(), target.given()?.clone());
+    let map = SurfaceMap::new(source, target, &faces, &weights, confidence)?.with_parts()?;
+    let points = map.points.iter().zip(&map.confidence);
+    Ok(points
+        .map(|(&point, &confidence)| Placed { point, confidence })
+        .collect())
+}

@@ -1,0 +1,200 @@
+"""Characters as artists have them: split at seams, in pieces, clothed; matched as one figure."""
+
+import numpy as np
+import pytest
+import sgmds
+import trimesh
+from sgmds import characters
+from sgmds.files import read_mesh
+
+
+def shattered(vertices, faces):
+    """Each face with three vertices of its own, as flat shading exports it."""
+    return vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
+
+
+def cut_at_seams(vertices, faces):
+    """Along three planes the faces on one side have vertices of their own, as islands of a texture are exported."""
+    middles = vertices[faces].mean(axis=1)
+    island = ((middles > np.median(middles, axis=0)) * [1, 2, 4]).sum(axis=1)
+    pairs = faces + len(vertices) * island[:, None]
+    used, numbers = np.unique(pairs, return_inverse=True)
+    return vertices[used % len(vertices)], numbers.reshape(-1, 3)
+
+
+def welded(vertices, faces):
+    """The same with vertices at one place merged, in the order of their first appearance."""
+    _, first, classes = np.unique(vertices, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    numbers = np.argsort(order)[classes.ravel()]
+    return vertices[first[order]], numbers[faces], numbers
+
+
+def images(corr, source):
+    return np.einsum("nk,nkd->nd", corr.barycentric, source[0][source[1][corr.faces]])
+
+
+def area(vertices, faces):
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
+
+
+def offset(vertices, faces, chosen, gap):
+    """The faces whose corners are all chosen, as a piece of its own, so far above the surface."""
+    normals = trimesh.Trimesh(vertices, faces, process=False).vertex_normals
+    faces = faces[chosen[faces].all(axis=1)]
+    used, numbers = np.unique(faces, return_inverse=True)
+    return vertices[used] + gap * normals[used], numbers.reshape(-1, 3), used
+
+
+def joined(*pieces):
+    starts = np.cumsum([0] + [len(p[0]) for p in pieces])
+    vertices = np.concatenate([p[0] for p in pieces])
+    return vertices, np.concatenate([p[1] + s for p, s in zip(pieces, starts[:-1], strict=True)])
+
+
+@pytest.fixture(scope="module")
+def resting():
+    """The slender body in another pose: maps between poses are found soonest."""
+    return characters.make("biped", "slender", "rest", resolution=2500, seed=3)
+
+
+@pytest.fixture(scope="module")
+def clothed(slender):
+    """The slender body in shirt and trousers, with the skin below them deleted: three or more pieces, and the body's vertex
+    that each vertex lies on."""
+    vertices, faces = slender.vertices, slender.faces
+    height = (vertices[:, 2] - vertices[:, 2].min()) / np.ptp(vertices[:, 2])
+    gap = 0.004 * np.ptp(vertices[:, 2])
+    shirt = offset(vertices, faces, (height > 0.48) & (height < 0.8), gap)
+    trousers = offset(vertices, faces, (height > 0.1) & (height < 0.5), 2 * gap)
+    skin = offset(vertices, faces, (height < 0.14) | (height > 0.76), 0.0)
+    pieces = (shirt, trousers, skin)
+    return joined(*pieces), np.concatenate([p[2] for p in pieces])
+
+
+@pytest.mark.parametrize("split", [shattered, cut_at_seams])
+def test_vertices_at_one_place_are_one_vertex(slender, resting, split):
+    source, target = (resting.vertices, resting.faces), split(slender.vertices, slender.faces)
+    vertices, faces, numbers = welded(*target)
+    whole, parts = sgmds.match(source, (vertices, faces)), sgmds.match(source, target)
+    for name in ("faces", "barycentric", "vertices", "confidence"):
+        np.testing.assert_array_equal(getattr(parts, name), getattr(whole, name)[numbers])
+    assert parts.quality == whole.quality
+    # As a source too: the same points of the same faces.
+    vertices, faces, numbers = welded(*target)
+    back, of_parts = sgmds.match((vertices, faces), source), sgmds.match(target, source)
+    np.testing.assert_array_equal(of_parts.faces, back.faces)
+    np.testing.assert_array_equal(of_parts.barycentric, back.barycentric)
+    np.testing.assert_array_equal(numbers[of_parts.vertices], back.vertices)
+
+
+@pytest.mark.parametrize("ending", ["obj", "off", "ply", "stl", "glb"])
+def test_a_file_of_split_vertices_gives_the_map_of_the_whole(tmp_path, slender, resting, ending):
+    path = tmp_path / f"body.{ending}"
+    trimesh.Trimesh(*cut_at_seams(slender.vertices, slender.faces), process=False).export(path)
+    target = read_mesh(path)
+    vertices, faces, numbers = welded(*target)
+    assert len(vertices) == len(slender.vertices)
+    source = sgmds.Shape(resting.vertices, resting.faces)
+    whole, parts = sgmds.match(source, (vertices, faces)), sgmds.match(source, target)
+    np.testing.assert_array_equal(parts.faces, whole.faces[numbers])
+    np.testing.assert_array_equal(parts.confidence, whole.confidence[numbers])
+
+
+def test_what_a_shape_hands_out_is_in_given_numbering(slender):
+    vertices, faces = cut_at_seams(slender.vertices, slender.faces)
+    shape = sgmds.Shape(vertices, faces)
+    figure = shape.figure
+    assert figure.welded == len(vertices) - len(slender.vertices)
+    assert (figure.pieces, figure.envelope, figure.handles, figure.seen) == (1, False, 0, 1.0)
+    assert shape.mass.shape == (len(vertices),) and shape.mass.sum() == pytest.approx(area(vertices, faces))
+    phi = shape.eigenfunctions
+    # Areas are shared among vertices at one place, so that the functions stay orthonormal.
+    gram = phi.T @ (shape.mass[:, None] * phi)
+    np.testing.assert_allclose(gram, np.eye(phi.shape[1]), atol=1e-6)
+    assert ((0 <= shape.samples) & (shape.samples < len(vertices))).all()
+
+
+def test_a_landmark_may_be_any_of_the_vertices_at_a_place(slender, resting):
+    target = shattered(slender.vertices, slender.faces)
+    vertices, faces, numbers = welded(*target)
+    source = sgmds.Shape(resting.vertices, resting.faces)
+    # Where the first vertex really goes.
+    known = int(sgmds.match(source, (vertices, faces)).vertices[numbers[0]])
+    # The last of the vertices at the place of the first one.
+    given = int(np.flatnonzero(numbers == numbers[0])[-1])
+    whole = sgmds.match(source, (vertices, faces), landmarks=[(known, int(numbers[0]))])
+    parts = sgmds.match(source, target, landmarks=[(known, given)])
+    np.testing.assert_array_equal(parts.faces, whole.faces[numbers])
+
+
+def test_a_clothed_figure_is_matched_as_one(clothed, slender, resting):
+    """Against the same body, bare and in another pose: everything of either has its place, in both directions."""
+    dressed, below = clothed
+    bare = resting
+    shape = sgmds.Shape(*dressed)
+    assert shape.figure.envelope and shape.figure.pieces > 2 and shape.figure.seen > 0.9
+    size = np.sqrt(area(bare.vertices, bare.faces))
+
+    corr = sgmds.match((bare.vertices, bare.faces), shape)
+    true = characters.carried(slender.vertices, slender.body, bare.body)[below]
+    error = np.linalg.norm(images(corr, (bare.vertices, bare.faces)) - true, axis=1) / size
+    # A wrong limb is half of √area away, a grid cell of the envelope a fiftieth.
+    assert np.median(error) < 0.03 and (error < 0.15).mean() > 0.95
+    assert corr.quality.grade != "red" and corr.quality.unknown < 0.1
+    assert any("pieces were matched as one figure" in reason for reason in corr.quality.reasons)
+
+    back = sgmds.match(shape, (bare.vertices, bare.faces))
+    true = characters.carried(bare.vertices, bare.body, slender.body)
+    error = np.linalg.norm(images(back, dressed) - true, axis=1) / size
+    assert np.median(error) < 0.03 and (error < 0.15).mean() > 0.95
+
+
+def test_a_kept_figure_gives_the_same_map(clothed, resting, tmp_path):
+    dressed, _ = clothed
+    shape = sgmds.Shape(*dressed)
+    shape.save(tmp_path / "dressed.npz")
+    kept = sgmds.Shape.load(tmp_path / "dressed.npz")
+    assert kept.figure == shape.figure
+    target = sgmds.Shape(resting.vertices, resting.faces)
+    first, second = sgmds.match(shape, target), sgmds.match(kept, target)
+    np.testing.assert_array_equal(first.faces, second.faces)
+    np.testing.assert_array_equal(first.confidence, second.confidence)
+
+
+def test_what_is_seen_and_not_matched_keeps_the_grade_from_green(slender):
+    """A second body of half the size beside the first: a quarter of what is seen, and nothing of it is matched."""
+    body = slender.vertices, slender.faces
+    beside = 0.6 * slender.vertices + [3 * np.ptp(slender.vertices[:, 0]), 0, 0], slender.faces
+    corr = sgmds.match(body, joined(body, beside))
+    assert corr.quality.unknown == pytest.approx(0.36 / 1.36, abs=0.03)
+    assert corr.quality.grade != "green"
+    assert any("beside what was matched" in reason for reason in corr.quality.reasons)
+    assert sgmds.match(body, body).quality.unknown == 0.0
+
+
+def test_what_is_worn_takes_what_lies_below_it(slender):
+    body = slender.vertices, slender.faces
+    height = slender.vertices[:, 2]
+    chosen = (height > np.quantile(height, 0.3)) & (height < np.quantile(height, 0.6))
+    for gap in (0.01, 0.03):
+        *shirt, below = offset(*body, chosen, gap * np.ptp(height))
+        corr = sgmds.match(body, tuple(shirt))
+        away = np.linalg.norm(images(corr, body) - slender.vertices[below], axis=1)
+        # Vertex normals lean, so that the foot of the offset lies beside the vertex by less than the gap.
+        assert np.quantile(away, 0.95) < gap * np.ptp(height)
+        assert corr.quality.grade == "green"
+        assert any("as it is worn" in reason for reason in corr.quality.reasons)
+
+
+def test_a_ground_does_not_make_a_figure(slender):
+    """A plane that reaches beyond the body on all sides is left out, however much of what is seen it is."""
+    low, reach = slender.vertices[:, 2].min(), 1.2 * np.abs(slender.vertices).max()
+    corners = [[-reach, -reach, low], [reach, -reach, low], [reach, reach, low], [-reach, reach, low]]
+    ground = np.array(corners), np.array([[0, 1, 2], [0, 2, 3]])
+    body = slender.vertices, slender.faces
+    shape = sgmds.Shape(*joined(body, ground))
+    assert not shape.figure.envelope and shape.report["dropped_components"] == 1
+    alone, grounded = sgmds.match(body, body), sgmds.match(body, shape)
+    np.testing.assert_array_equal(grounded.faces[: len(body[0])], alone.faces)
