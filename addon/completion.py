@@ -16,12 +16,13 @@ class Mirror:
     """One axis of a Mirror modifier.
 
     `to_mirror` (4, 4) leads from the object's space to that in which `axis` is turned around; vertices
-    within `merged_within` of their images become one with them.
+    within `merged_within` of their images become one with them. `modifier` is its name.
     """
 
     to_mirror: np.ndarray
     axis: int
     merged_within: float
+    modifier: str = ""
 
     @property
     def reflection(self):
@@ -40,8 +41,11 @@ class Mirror:
 
     def merged(self, points):
         """Which points become one with their images, (n,)."""
-        reach = max(self.merged_within, ON_MIRROR * np.ptp(points, axis=0).max())
-        return np.linalg.norm(self.reflected(points) - points, axis=1) <= reach
+        return np.linalg.norm(self.reflected(points) - points, axis=1) <= self.reach(points)
+
+    def reach(self, points):
+        """How far from its image a point of these may lie to become one with it."""
+        return max(self.merged_within, ON_MIRROR * np.ptp(points, axis=0).max())
 
     def completes(self, points):
         """Whether a body with these points is a half that is joined to its image."""
@@ -56,18 +60,21 @@ class Body:
     """What of an object the core is given.
 
     `points` (n, 3) float64 are coordinates in object space, the modelled vertices first; `triangles` (m, 3).
-    `face` (m,) is the modelled triangle that each shows, `turned` (m,) whether it is wound the other way.
+    `face` (m,) is the modelled triangle that each shows, `turned` (m,) whether it is wound the other way, and
+    `image` (m,) in which mirrors: bit k is set where the k-th one turned it around.
     """
 
     points: np.ndarray
     triangles: np.ndarray
     face: np.ndarray
     turned: np.ndarray
+    image: np.ndarray
 
     @classmethod
     def modelled(cls, points, triangles):
         """A body as it is modelled."""
-        return cls(points, triangles, np.arange(len(triangles)), np.zeros(len(triangles), bool))
+        none = np.zeros(len(triangles), int)
+        return cls(points, triangles, np.arange(len(triangles)), none > 0, none)
 
     def completed(self, mirror):
         """This body and its mirror image in one, joined where they meet."""
@@ -78,12 +85,13 @@ class Body:
         points[merged] = (points[merged] + mirror.reflected(points[merged])) / 2.0
         # A face in the mirror, which is its own image, would be a wall inside of the whole.
         kept = ~merged[self.triangles].all(axis=1)
-        triangles = self.triangles[kept]
+        triangles, before = self.triangles[kept], self.image[kept]
         return Body(
             np.concatenate([points, mirror.reflected(self.points[~merged])]),
             np.concatenate([triangles, image[triangles][:, ::-1]]).astype(np.int32),
             np.tile(self.face[kept], 2),
             np.concatenate([self.turned[kept], ~self.turned[kept]]),
+            np.concatenate([before, before + (1 << int(self.image.max(initial=0)).bit_length())]),
         )
 
     def as_modelled(self, faces, barycentric):
@@ -106,10 +114,21 @@ def mirrors(obj, points):
             to_mirror = np.array(modifier.mirror_object.matrix_world.inverted_safe() @ obj.matrix_world)
         within = modifier.merge_threshold if modifier.use_mirror_merge else 0.0
         for axis in range(3):
-            mirror = Mirror(to_mirror, axis, within)
+            mirror = Mirror(to_mirror, axis, within, modifier.name)
             if modifier.use_axis[axis] and not modifier.use_bisect_axis[axis] and mirror.completes(points):
                 found.append(mirror)
     return found
+
+
+def reflections(obj, images):
+    """What takes a place of the modelled half to each of these images, in the object's space: (n, 4, 4)."""
+    made = np.tile(np.eye(4), (len(images), 1, 1))
+    if images.any():
+        points = np.array([vertex.co for vertex in obj.data.vertices], np.float64)
+        for bit, mirror in enumerate(mirrors(obj, points)):
+            turned = images >> bit & 1 > 0
+            made[turned] = mirror.reflection @ made[turned]
+    return made
 
 
 def mirror_objects(obj):

@@ -6,8 +6,6 @@ import time
 import warnings
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from . import core, prepared
 from .mesh_read import matched_bodies
 
@@ -193,23 +191,7 @@ class MatchJob(Job):
             threads=threads,
             progress=part("{}", 2 * PREPARING_SHARE, 1.0 - 2 * PREPARING_SHARE),
         )
-        self._tell_halves(target, source_body, found)
         return found
-
-    def _tell_halves(self, target, source_body, found):
-        """Notes on what Mirror modifiers have to do with a match."""
-        if self.source.completed is None:
-            return
-        if target.completed is None:
-            self.notes.append(
-                f"'{self.source.name}' is completed by a Mirror modifier, and its modelled half alone was "
-                f"matched. If '{target.name}' is whole, apply the modifier and match again"
-            )
-        elif np.mean(source_body.turned[found.faces[: len(target.local)]]) > 0.5:
-            self.notes.append(
-                f"'{target.name}' and '{self.source.name}' are modelled on different sides. "
-                "Turn on Mirror Names to exchange left and right in the names that are carried"
-            )
 
 
 @dataclass

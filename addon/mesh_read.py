@@ -70,13 +70,8 @@ class Surface:
 
 
 def matched_bodies(source, target):
-    """Which bodies of two surfaces are matched: both whole where a Mirror modifier completes the target.
-
-    The half of a source alone cannot be completed for a whole target: what it carries has no other half.
-    """
-    if target.completed is None:
-        return source.modelled, target.modelled
-    return source.completed or source.modelled, target.completed
+    """Which bodies of two surfaces are matched: each whole where a Mirror modifier completes it."""
+    return source.completed or source.modelled, target.completed or target.modelled
 
 
 def check_usable(obj, *, as_target=False):

@@ -11,6 +11,8 @@ from .mesh_read import UnusableObjectError, matched_bodies
 
 # Names of our own attributes begin so: they are never carried.
 OURS = "match_"
+# In which mirrors of a half source the image lies: bit k for the k-th one. Without it, in none.
+MATCH_IMAGE = "match_image"
 
 # Attribute type → (name of the value in foreach_set, numbers an element, number type).
 VALUE_LAYOUT = {
@@ -143,14 +145,19 @@ def write_match(source, target, source_surface, target_surface, found):
     source_body, _ = matched_bodies(source_surface, target_surface)
     # Of a completed target the modelled vertices are the first.
     modelled = slice(len(target_surface.local))
-    faces, barycentric = source_surface.from_core(
-        source_body,
-        np.asarray(found.faces, np.int64)[modelled],
-        np.asarray(found.barycentric, np.float64)[modelled],
-    )
+    shown = np.asarray(found.faces, np.int64)[modelled], np.asarray(found.barycentric, np.float64)[modelled]
+    faces, barycentric = source_surface.from_core(source_body, *shown)
     confidence = np.asarray(found.confidence)[modelled]
     position = image_points(source_surface.local, source_surface.triangles, faces, barycentric)
     mesh = target.data
+    image = source_body.image[shown[0]]
+    if image.any():
+        _, triangles = source_surface.for_core(source_body)
+        beyond = image > 0
+        position[beyond] = image_points(source_body.points, triangles, *(each[beyond] for each in shown))
+        write_attribute(mesh, MATCH_IMAGE, "INT", "POINT", image)
+    elif MATCH_IMAGE in mesh.attributes:
+        mesh.attributes.remove(mesh.attributes[MATCH_IMAGE])
     write_attribute(mesh, "match_position", "FLOAT_VECTOR", "POINT", position)
     write_attribute(mesh, "match_face", "INT", "POINT", faces)
     write_attribute(mesh, "match_barycentric", "FLOAT_VECTOR", "POINT", barycentric)

@@ -15,7 +15,7 @@ from bpy_extras.view3d_utils import location_3d_to_region_2d
 from gpu_extras.batch import batch_for_shader
 from mathutils import Vector
 
-from . import landmarks, mesh_read, pair, palette, stored_match
+from . import completion, landmarks, mesh_read, pair, palette, stored_match
 from .mesh_write import read_attribute
 
 LINES = 80
@@ -55,12 +55,16 @@ picking: Picking | None = None
 
 @dataclass(frozen=True)
 class _Samples:
-    """Sampled vertices of a target, corners and weights of their images, and colours."""
+    """Sampled vertices of a target, corners and weights of their images, and colours.
+
+    `mirroring` (n, 4, 4) takes an image to the half that a Mirror modifier of the source shows.
+    """
 
     fingerprints: tuple
     vertices: list
     corners: np.ndarray
     weights: np.ndarray
+    mirroring: np.ndarray
     colours: np.ndarray
 
 
@@ -113,6 +117,7 @@ def _samples_of(source, target):
         vertices.tolist(),
         np.array([triangles[face].vertices[:] for face in faces.tolist()]),
         read_attribute(mesh.attributes["match_barycentric"])[vertices],
+        completion.reflections(source, stored_match.images(mesh)[vertices]),
         palette.line_colours(confidence),
     )
     return made
@@ -156,6 +161,9 @@ def _draw_lines():
         samples = _samples_of(source, target)
         corners = world_points(source, depsgraph, samples.corners.ravel().tolist()).reshape(-1, 3, 3)
         images = np.einsum("ij,ijc->ic", samples.weights, corners)
+        placed = np.array(source.matrix_world)
+        shown = placed @ samples.mirroring @ np.linalg.inv(placed)
+        images = np.einsum("ijk,ik->ij", shown[:, :3, :3], images) + shown[:, :3, 3]
         start = world_points(target, depsgraph, samples.vertices)
         ends.append(np.stack([start, images], axis=1).reshape(-1, 3))
         colours.append(np.repeat(samples.colours, 2, axis=0))

@@ -6,10 +6,12 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 
 from . import mesh_read, pair
 from .mesh_read import Fingerprint, UnusableObjectError
+from .mesh_write import MATCH_IMAGE, read_attribute
 
 MATCHED = "MATCHED"
 MOVED = "MOVED"
@@ -63,6 +65,12 @@ def maps_of(mesh):
     """All maps found with the match that this target mesh has, or None. A copy of it has only the match."""
     maps = _maps.get(mesh.spectral_match.identifier)
     return maps if maps is not None and maps.target.mesh_uid == mesh.session_uid else None
+
+
+def images(mesh):
+    """In which mirrors of a half source the image of each vertex of this target lies, 0 for none: (n,)."""
+    kept = mesh.attributes.get(MATCH_IMAGE)
+    return np.zeros(len(mesh.vertices), int) if kept is None else read_attribute(kept).astype(int)
 
 
 def forget_fingerprint(mesh):

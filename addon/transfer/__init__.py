@@ -4,7 +4,7 @@
 import bpy
 from bpy.props import BoolProperty
 
-from .. import completion, mesh_read
+from .. import completion, mesh_read, stored_match
 from ..mesh_read import UnusableObjectError
 from . import (
     armatures,
@@ -12,18 +12,20 @@ from . import (
     colours,
     companions,
     edge_marks,
+    layouts,
     materials,
     normals,
+    partners,
     seam_splits,
     shape_keys,
     textures,
     uv_maps,
     vertex_groups,
+    whole,
 )
 from .kind import Kind, Prepared
 from .redirect import redirect
 from .route import Route
-from .sides import names_on_target
 
 __all__ = ["KINDS", "Kind", "Prepared", "TransferChoice", "TransferOptions", "carry_all", "checked"]
 
@@ -87,65 +89,60 @@ def carry_all(target, options, chosen):
     Everything is computed before anything is written, so that a kind that cannot be carried leaves the
     target as it was.
     """
-    route = Route(target)
-    wanted = {
-        kind.identifier: [name for name in kind.names(route.source) if chosen(kind, name)] for kind in KINDS
-    }
-    mesh_read.place(bpy.context, _whole(route, wanted))
-    _check_twins(route, wanted, options)
+    mesh_read.check_usable(target, as_target=True)
+    stored_match.require(target)
+    source = target.spectral_match_source
+    wanted = {kind.identifier: [name for name in kind.names(source) if chosen(kind, name)] for kind in KINDS}
+    mesh_read.place(bpy.context, _standing(source, target, wanted))
+    with whole.body_of(target) as body:
+        return _carry(Route(target, body), wanted, options)
+
+
+def _carry(route, wanted, options):
+    target = route.target
+    route.wanted, route.sides = wanted, partners.sides(route, options)
+    known = {given: own for own, given in layouts.carried_maps(target.data).items()}
+    maps = wanted[uv_maps.KIND.identifier]
+    route.uv_names = known | layouts.names_on_target(route.source, target, maps, options.replace_uv)
+    _check_twins(route)
     with seam_splits.split(route, wanted[uv_maps.KIND.identifier], options) as (route, notes):
-        route.wanted = wanted
         for kind in KINDS:
             if wanted[kind.identifier]:
                 route.prepared.append(kind.prepare(route, wanted[kind.identifier], options))
     for part in route.prepared:
         part.write()
     if any(wanted[kind.identifier] for kind in (shape_keys.KIND, armatures.KIND, companions.KIND)):
-        redirect(route, options)
+        redirect(route)
     target.data.update()
-    notes += _halves(route, *(bool(wanted[kind.KIND.identifier]) for kind in (armatures, companions)))
+    if wanted[companions.KIND.identifier] and route.target_mirrors:
+        notes.append(
+            f"'{target.name}' is completed by a Mirror modifier, and the map knows its modelled half alone. "
+            "Objects of the other half may lie beside it: apply the modifier and match again, or symmetrize "
+            "them"
+        )
     return notes + [note for part in route.prepared for note in part.notes]
 
 
-def _whole(route, wanted):
-    """Both bodies with their rigs and, where they are wanted, what hangs on them."""
-    bodies = [route.source, route.target]
+def _standing(source, target, wanted):
+    """Both bodies with their rigs, what they are mirrored about and, where wanted, what hangs on them."""
+    bodies = [source, target]
     rigs = [rig for body in bodies for rig in armatures.rigs(body)]
+    mirrors = [obj for body in bodies for obj in completion.mirror_objects(body)]
     hung = (
         [obj for body in bodies for obj in companions.hanging(body)]
         if wanted[companions.KIND.identifier]
         else []
     )
-    return bodies + rigs + hung
+    return bodies + rigs + mirrors + hung
 
 
-def _halves(route, rigs, objects):
-    """Notes when a modifier adds a half, by whose surface nothing can be placed."""
-    source, target = route.source, route.target
-    if not (rigs or objects):
-        return []
-    if not route.target_mirrors and completion.mirrors(source, route.source_points):
-        return [
-            f"'{source.name}' is completed by a Mirror modifier, and its modelled half alone was matched. "
-            "Bones and objects of the other half may lie beside the target: apply the modifier and match "
-            "again, or symmetrize them"
-        ]
-    if objects and route.target_mirrors:
-        return [
-            f"'{target.name}' is completed by a Mirror modifier, and the map knows its modelled half alone. "
-            "Objects of the other half may lie beside it: apply the modifier and match again, or symmetrize "
-            "them"
-        ]
-    return []
-
-
-def _check_twins(route, wanted, options):
+def _check_twins(route):
     """Raise `UnusableObjectError` for a vertex group and an attribute of one name.
 
     Blender makes the group beside the attribute, but no attribute beside the group, which is written first.
     """
-    layers = wanted[colours.KIND.identifier] + wanted[attributes.KIND.identifier]
-    groups, _ = names_on_target(wanted[vertex_groups.KIND.identifier], options)
+    layers = route.wanted[colours.KIND.identifier] + route.wanted[attributes.KIND.identifier]
+    groups, _ = route.sides.of_all(route.wanted[vertex_groups.KIND.identifier])
     for name in groups.values():
         if name in layers and name not in route.target.data.attributes:
             raise UnusableObjectError(

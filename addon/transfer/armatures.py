@@ -9,9 +9,10 @@ from mathutils import Matrix, Vector
 
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import image_points
+from .actions import actions_of, own_actions
 from .copies import MADE_FOR, comes_from, copied, object_copy
 from .kind import Kind, Prepared
-from .sides import actions_of, flip_name, name_on_target, names_on_target, own_actions, rename
+from .sides import flip_name, rename
 from .vertex_groups import read_weights
 
 # Ends of bones nearer than this share of the rig's size are one joint.
@@ -50,7 +51,7 @@ def names(source):
     return list(dict.fromkeys(rig.name for rig in rigs(source)))
 
 
-def prepare(route, wanted, options):
+def prepare(route, wanted, _options):
     fitted, notes = [], []
     for rig in rigs(route.source):
         if rig.name not in wanted:
@@ -59,7 +60,7 @@ def prepare(route, wanted, options):
             rig.update_from_editmode()
         if not rig.data.bones:
             raise UnusableObjectError(f"'{rig.name}' has no bones. Add bones to it, or leave it unchecked")
-        named, words = names_on_target([bone.name for bone in rig.data.bones], options)
+        named, words = route.sides.of_all([bone.name for bone in rig.data.bones])
         notes += words
         before = fitted_rig(route.target, rig)
         if before is not None and not _has_bones(before, named):
@@ -71,7 +72,7 @@ def prepare(route, wanted, options):
 
     def write():
         for rig, named, joints, ends in fitted:
-            _write(route, rig, named, joints, ends, options)
+            _write(route, rig, named, joints, ends)
 
     return Prepared(write, tuple(notes))
 
@@ -87,7 +88,7 @@ def _fit(route, rig):
         np.round(ends / max(size * SAME_JOINT, 1e-12)), axis=0, return_index=True, return_inverse=True
     )
     joint = joint.reshape(-1, 2)
-    fitted = route.map_as_seen.joints(ends[first], _influence(route.source, bones, joint))
+    fitted = route.map_as_seen.joints(ends[first], _influence(route.body, bones, joint))
     if len(route.target_mirrors) == 1:
         axes = to_source[:3, :3]
         turned_over = axes @ np.diag((-1.0, 1.0, 1.0)) @ np.linalg.inv(axes)
@@ -100,7 +101,7 @@ def _partners(bones, joint):
     partner = np.full(joint.max() + 1, -1)
     ends_of = {bone.name: ends for bone, ends in zip(bones, joint, strict=True)}
     for name, ends in ends_of.items():
-        other = flip_name(name)
+        other = flip_name(name, ends_of)
         if other != name and other in ends_of:
             partner[ends] = ends_of[other]
     return partner
@@ -158,9 +159,9 @@ def _influence(source, bones, joint):
     return rows
 
 
-def _write(route, rig, named, fitted, ends, options):
+def _write(route, rig, named, fitted, ends):
     positions, turns, scales = fitted
-    own = _own_rig(route, rig, named, options)
+    own = _own_rig(route, rig, named)
     place = own.matrix_world.inverted() @ route.target_to_world
     # The source rig's axes as directions on the source's surface.
     axes = (route.source_to_world.inverted_safe() @ rig.matrix_world).to_3x3()
@@ -204,7 +205,7 @@ def _has_bones(own, named):
     return {bone.name for bone in own.data.bones} == set(named.values())
 
 
-def _own_rig(route, rig, named, options):
+def _own_rig(route, rig, named):
     """The target's rig made from `rig` before, or a copy of it that deforms the target."""
     target = route.target
     before = fitted_rig(target, rig)
@@ -223,7 +224,7 @@ def _own_rig(route, rig, named, options):
     replaced = [rig, *_made_from(target, rig)]
     held = next((m for m in _modifiers(target) if m.object in replaced), None)
     if held is None:
-        held = _new_modifier(route, rig, own.name, options)
+        held = _new_modifier(route, rig, own.name)
     held.object = own
     if target.parent in (None, *replaced):
         there = target.matrix_world.copy()
@@ -259,7 +260,7 @@ def _moving(action):
     return ((curves, curve) for curves in lists for curve in curves if curve.data_path.startswith(TRANSFORMS))
 
 
-def _new_modifier(route, rig, name, options):
+def _new_modifier(route, rig, name):
     """An Armature modifier set as that of the source, before those that take the posed surface.
 
     Yet after those that complete it: the two sides have poses of their own.
@@ -272,17 +273,17 @@ def _new_modifier(route, rig, name, options):
     made = target.modifiers.new(name, "ARMATURE")
     for setting in MODIFIER_SETTINGS:
         setattr(made, setting, getattr(model, setting))
-    made.vertex_group = name_on_target(model.vertex_group, options)
+    made.vertex_group = route.sides.of(model.vertex_group)
     if place is not None:
         # Not the last one where another is pinned to that place.
         target.modifiers.move(target.modifiers.find(made.name), place)
     return made
 
 
-def fit_constraints(rig, own, options):
+def fit_constraints(rig, own, sides):
     """Lengths and matrices that constraints of the rig store, as they are for the fitted bones at rest."""
     for bone in rig.pose.bones:
-        fitted = own.pose.bones[name_on_target(bone.name, options)]
+        fitted = own.pose.bones[sides.of(bone.name)]
         for constraint in bone.constraints:
             copy = fitted.constraints.get(constraint.name)
             if copy is None or getattr(copy, "target", None) is None or constraint.target is None:

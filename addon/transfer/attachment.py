@@ -7,7 +7,6 @@ from mathutils import Euler, Matrix
 
 from .armatures import at_rest, fitted_rig, hold_still, rigs
 from .copies import MADE_FOR, MADE_FROM, comes_from, object_copy
-from .sides import name_on_target
 
 # Constraints that tie an object to another as parenting does.
 TYING = ("CHILD_OF", "ARMATURE", "COPY_TRANSFORMS")
@@ -144,18 +143,18 @@ def new_copy(target, companion):
     return own
 
 
-def attach(route, companion, own, options, fresh=False, world=None):
+def attach(route, companion, own, fresh=False, world=None):
     """Hang the copy on the target as the companion hangs on the source; returns the constraints left out.
 
     `fresh` is a copy just made; `world`, by default the target's matrix, its place with all bones at rest.
     """
-    kept = [constraint for constraint in companion.constraints if _can_keep(route, constraint, options)]
+    kept = [constraint for constraint in companion.constraints if _can_keep(route, constraint)]
     if kept:
         # Beside its constraints the copy hangs only on what the companion has for a parent.
         held = _last_of(_parent_of(companion), route.source, (companion,))
     else:
         held = held_by(companion, route.source)
-    parent, bone = _on_target(route, held, options)
+    parent, bone = _on_target(route, held)
     outdated = own.parent not in (None, parent) and (
         own.parent == route.target or (own.parent.type == "ARMATURE" and MADE_FROM in own.parent)
     )
@@ -166,11 +165,11 @@ def attach(route, companion, own, options, fresh=False, world=None):
             _put(route.target, own, parent, bone, world)
         for constraint in kept:
             mine = own.constraints.get(constraint.name) or own.constraints.copy(constraint)
-            _look_at_target(route, constraint, mine, options)
+            _look_at_target(route, constraint, mine)
     return [constraint for constraint in companion.constraints if constraint not in kept]
 
 
-def _can_keep(route, constraint, options):
+def _can_keep(route, constraint):
     """Whether all that a constraint looks at is on the target too, and it leaves the copy in its place."""
 
     def found(look):
@@ -178,7 +177,7 @@ def _can_keep(route, constraint, options):
         if there is None or not look.subtarget:
             return there is not None
         # The place of a vertex group is not known.
-        return there.type == "ARMATURE" and name_on_target(look.subtarget, options) in there.data.bones
+        return there.type == "ARMATURE" and route.sides.of(look.subtarget) in there.data.bones
 
     looks = _looks(constraint)
     return constraint.type in KEPT and _is_tying(constraint) and bool(looks) and all(map(found, looks))
@@ -197,7 +196,7 @@ def _rig_on_target(route, rig):
     return fitted_rig(route.target, rig) or route.target.find_armature()
 
 
-def _on_target(route, held, options):
+def _on_target(route, held):
     """What the copy hangs on, and a bone of it or None: the target's rig, else the target."""
     if held is None:
         return None, None
@@ -205,17 +204,17 @@ def _on_target(route, held, options):
     if holder == route.source:
         return route.target, None
     rig = _rig_on_target(route, holder)
-    name = name_on_target(bone, options) if bone in holder.data.bones else None
+    name = route.sides.of(bone) if bone in holder.data.bones else None
     if rig is None or (name is not None and name not in rig.data.bones):
         return route.target, None
     return rig, name
 
 
-def _look_at_target(route, constraint, own, options):
+def _look_at_target(route, constraint, own):
     """Let a copied constraint look at the target's, and hold the copy where it is."""
     for theirs, mine in zip(_looks(constraint), _looks(own), strict=True):
         mine.target = _counterpart(route, theirs.target)
-        mine.subtarget = name_on_target(theirs.subtarget, options)
+        mine.subtarget = route.sides.of(theirs.subtarget)
     if own.type == "CHILD_OF":
         # Copies of other companions are where the target is while its bones are at rest.
         there = at_rest(own) if own.target.type == "ARMATURE" else route.target.matrix_world

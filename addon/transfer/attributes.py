@@ -39,7 +39,7 @@ def prepare(route, wanted, _options):
 
 def carried(route, wanted):
     """A function that writes these attributes of the source onto a mesh with the target's faces."""
-    layers = [route.source.data.attributes[name] for name in wanted]
+    layers = [route.body.data.attributes[name] for name in wanted]
     for layer in layers:
         check_name(route.target, layer.name, layer.data_type, layer.domain)
     values = [(layer.name, layer.data_type, layer.domain, _carry(route, layer)) for layer in layers]
@@ -55,7 +55,7 @@ def _carry(route, layer):
     """Values of an attribute for the target."""
     values = read_attribute(layer)
     if layer.name in CURVES and layer.domain == "EDGE":
-        edges = mesh_read.edges(route.source.data), mesh_read.edges(route.target.data)
+        edges = mesh_read.edges(route.body.data), mesh_read.edges(route.target.data)
         return route.map.marks(edges[0], values, edges[1])
     carry = CARRIERS[layer.domain]
     if layer.data_type in DISCRETE:
@@ -98,7 +98,7 @@ def _faces(route, table, discrete):
 
 
 def _edges(route, table, _discrete):
-    edges = mesh_read.edges(route.source.data), mesh_read.edges(route.target.data)
+    edges = mesh_read.edges(route.body.data), mesh_read.edges(route.target.data)
     return table[route.map.nearest_edges(*edges)]
 
 

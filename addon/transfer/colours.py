@@ -12,7 +12,7 @@ def names(source):
 
 
 def prepare(route, wanted, _options):
-    source = route.source.data
+    source = route.body.data
     carried = []
     for name in wanted:
         layer = source.color_attributes[name]
@@ -27,7 +27,7 @@ def prepare(route, wanted, _options):
 
 
 def _write(route, wanted, carried):
-    source, target = route.source.data, route.target.data
+    source, target = route.body.data, route.target.data
     for layer in carried:
         write_attribute(target, *layer)
     active, shown = source.color_attributes.active_color, target.color_attributes.active_color

@@ -12,7 +12,7 @@ from .copies import copied
 from .kind import Kind, Prepared
 from .pieces import pieces
 from .shape_keys import read_key
-from .sides import names_on_target, rename
+from .sides import rename
 
 # Objects that show something, but have no points that can be moved.
 OTHER_SHAPES = ("META", "POINTCLOUD")
@@ -69,7 +69,7 @@ def prepare(route, wanted, options):
         freed = [
             f"{constraint.name} of '{companion.name}'"
             for companion, (own, fresh), (_, world) in zip(companions, copies, carried, strict=True)
-            for constraint in attach(route, companion, own, options, fresh, world)
+            for constraint in attach(route, companion, own, fresh, world)
         ]
         if freed:
             notes.append(
@@ -80,7 +80,7 @@ def prepare(route, wanted, options):
     return Prepared(write, notes)
 
 
-def _carry_mesh(route, companion, options, _notes):
+def _carry_mesh(route, companion, _options, _notes):
     """What writes coordinates of the companion's vertices and shape keys into a copy of it."""
     matrix = in_source(route, companion)
     back = np.linalg.inv(route.target_stretch)
@@ -92,10 +92,10 @@ def _carry_mesh(route, companion, options, _notes):
         block.name: route.map_as_seen.followed(placed(matrix, read_key(block)), piece) @ back
         for block in (keys.key_blocks if keys else ())
     }
-    named, _ = names_on_target(moved_keys, options)
+    named, _ = route.sides.of_all(moved_keys)
 
     def write(own):
-        _own_mesh(own, companion, named, options)
+        _own_mesh(own, companion, named, route.sides)
         for name, coordinates in moved_keys.items():
             block = own.data.shape_keys.key_blocks[named[name]]
             block.data.foreach_set("co", coordinates.astype(np.float32).ravel())
@@ -105,14 +105,14 @@ def _carry_mesh(route, companion, options, _notes):
     return write, None
 
 
-def _own_mesh(own, companion, named, options):
+def _own_mesh(own, companion, named, sides):
     """Give the copy a mesh of its own, made anew where that of the companion is another since."""
     if _fits(own.data, companion.data, named):
         return
     before = own.data
     own.data = copied(companion.data)
     own.data.name = own.name
-    groups, _ = names_on_target([group.name for group in own.vertex_groups], options)
+    groups, _ = sides.of_all([group.name for group in own.vertex_groups])
     # Modifiers of a copy that was made before name its own groups already.
     masks = list(_masks(own)) if before == companion.data else []
     rename(own.vertex_groups, groups)

@@ -33,7 +33,7 @@ def _kept(mesh, name):
 
 
 def prepare(route, wanted, _options):
-    kept = [_kept(route.source.data, name) for name in wanted]
+    kept = [_kept(route.body.data, name) for name in wanted]
     return shading(route.target, attributes.carried(route, kept))
 
 

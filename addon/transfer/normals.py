@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 
+from .coincidence import coincidence
 from .kind import Kind, shading
 
 
@@ -13,11 +14,22 @@ def names(source):
 
 def prepare(route, _wanted, _options):
     to_source, from_target = matrices(route)
-    given = _unit(corner_normals(route.source.data) @ to_source.T)
+    shown = corner_normals(route.body.data).astype(np.float64)
+    given = _unit(shown @ to_source.T)
     carried = route.map.corner_values(*route.faces, given[route.triangle_corners])
     turn, _ = route.map_as_seen.frames
     carried = _unit(np.einsum("cij,cj->ci", turn[route.faces[1]], carried) @ from_target.T)
+    lying = coincidence(route)
+    if lying is not None:
+        carried[lying.there] = _as_they_lie(route, shown, lying)[lying.there]
     return shading(route.target, lambda mesh: _write(mesh, carried))
+
+
+def _as_they_lie(route, shown, lying):
+    """The source's normals at the places where the target's corners lie on it."""
+    normals = np.einsum("ij,ijc->ic", lying.weights, shown[route.triangle_corners[lying.triangles]])
+    # What stands on a surface is moved by the inverse transpose.
+    return _unit(normals @ np.linalg.inv(lying.to_target[:3, :3]))
 
 
 def matrices(route, space="OBJECT"):

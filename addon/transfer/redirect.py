@@ -2,12 +2,12 @@
 """What came from the source looks at the target: drivers, constraints and modifiers of the copies."""
 
 import re
+from functools import partial
 
 import bpy
 
 from .. import mesh_read
 from . import armatures, attachment, companions, shape_keys
-from .sides import flip_name, name_on_target
 
 # A bone or shape key in a data path.
 NAMED = re.compile(r'((?:bones|key_blocks)\[")((?:[^"\\]|\\.)*)("\])')
@@ -23,7 +23,7 @@ PARTS = {
 }
 
 
-def redirect(route, options):
+def redirect(route):
     """Exchange the source, its mesh, keys, rigs and companions for the target's, where copies name them."""
     target = route.target
     exchanged = _with_data(route.source, target)
@@ -39,29 +39,29 @@ def redirect(route, options):
             copies.append(own)
             exchanged |= _with_data(companion, own)
     keys = target.data.shape_keys
-    carried = {name_on_target(name, options) for name in shape_keys.names(route.source)}
+    carried = {route.sides.of(name) for name in shape_keys.names(route.source)}
     if keys is not None and keys.animation_data is not None:
         _drivers(
-            [curve for curve in keys.animation_data.drivers if _key(curve) in carried], exchanged, options
+            [curve for curve in keys.animation_data.drivers if _key(curve) in carried], exchanged, route.sides
         )
     for obj in [own for _, own in rigs] + copies:
         for held in (obj, obj.data, getattr(obj.data, "shape_keys", None)):
             if held is not None and held.animation_data is not None:
-                _drivers(held.animation_data.drivers, exchanged, options)
+                _drivers(held.animation_data.drivers, exchanged, route.sides)
         for modifier in obj.modifiers:
-            point(modifier, exchanged, options)
+            point(modifier, exchanged, route.sides)
         if obj.type != "MESH":
             # The surface of hair, what a curve is bevelled with.
-            point(obj.data, exchanged, options)
+            point(obj.data, exchanged, route.sides)
         for bone in obj.pose.bones if obj.pose else []:
             for constraint in bone.constraints:
-                point(constraint, exchanged, options)
+                point(constraint, exchanged, route.sides)
     # Copies that were just hung are in their places from here.
     bpy.context.view_layer.update()
     mesh_read.place(bpy.context, [own for _, own in rigs] + copies)
     for rig, own in rigs:
         if rig.name in route.wanted[armatures.KIND.identifier]:
-            armatures.fit_constraints(rig, own, options)
+            armatures.fit_constraints(rig, own, route.sides)
 
 
 def _with_data(before, after):
@@ -79,24 +79,24 @@ def _key(curve):
     return found and bpy.utils.unescape_identifier(found[2])
 
 
-def _drivers(curves, exchanged, options):
+def _drivers(curves, exchanged, sides):
     for curve in curves:
         for variable in curve.driver.variables:
             for seen in variable.targets:
                 if seen.id not in exchanged:
                     continue
                 seen.id = exchanged[seen.id]
-                if options.mirror_names:
-                    seen.bone_target = flip_name(seen.bone_target)
-                    seen.data_path = NAMED.sub(_flipped, seen.data_path)
+                seen.bone_target = sides.of(seen.bone_target)
+                seen.data_path = NAMED.sub(partial(_named, sides), seen.data_path)
 
 
-def _flipped(found):
+def _named(sides, found):
     begin, name, end = found.groups()
-    return begin + flip_name(name) + end
+    name = sides.of(bpy.utils.unescape_identifier(name))
+    return begin + bpy.utils.escape_identifier(name) + end
 
 
-def point(holder, exchanged, options):
+def point(holder, exchanged, sides):
     """Exchange what a modifier or constraint points to, and the side of a bone or group named in that."""
     for item in [holder, *getattr(holder, "targets", ())]:
         for prop in item.bl_rna.properties:
@@ -106,7 +106,7 @@ def point(holder, exchanged, options):
                     setattr(item, prop.identifier, exchanged[value])
                     part = PARTS.get(prop.identifier)
                     if part is not None and hasattr(item, part):
-                        setattr(item, part, name_on_target(getattr(item, part), options))
+                        setattr(item, part, sides.of(getattr(item, part)))
     if getattr(holder, "type", "") == "NODES":
         for name, value in holder.items():
             if isinstance(value, bpy.types.ID) and value in exchanged:

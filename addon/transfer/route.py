@@ -8,8 +8,10 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .. import completion, core, mesh_read, mesh_write, stored_match
+from .. import completion, core, mesh_read, stored_match
 from ..mesh_read import UnusableObjectError
+from ..mesh_write import read_attribute
+from .sides import Sides
 
 # A scale is even up to this: matrices are in single precision.
 EVEN = 1e-5
@@ -18,26 +20,51 @@ EVEN = 1e-5
 class Route:
     """Everything that a kind of data needs to travel from `source` to `target`.
 
+    `body` is the object whose mesh is the source's surface with all that it carries: the source itself, or
+    where a Mirror modifier completes it, the whole that was matched.
+
     `map` is the core's, in the coordinates of the two meshes, and `map_as_seen` that of the two bodies as the
     objects' scales stretch them, for what has directions and distances in space; `faces` are the target's
     faces as the core takes them: first corners and vertices of corners. `wanted` names what is carried, by
-    kind, and `prepared` is what is ready of it. Raises `UnusableObjectError` when the target has no match
-    that still holds.
+    kind, `sides` how these names are written on the target, `uv_names` under which its UV maps come, and
+    `prepared` is what is ready of it.
     """
 
-    def __init__(self, target):
-        mesh_read.check_usable(target, as_target=True)
-        stored_match.require(target)
-        self.source, self.target = target.spectral_match_source, target
-        self.wanted, self.prepared = {}, []
-        self.triangle_corners, self.triangle_faces = mesh_read.triangle_corners(self.source.data)
-        self.triangles = mesh_read.corner_vertices(self.source.data)[self.triangle_corners]
+    def __init__(self, target, body):
+        self.source, self.target, self.body = target.spectral_match_source, target, body.obj
+        self._body = body
+        self.wanted, self.sides, self.uv_names, self.prepared = {}, Sides(), {}, []
+        self.triangle_corners, self.triangle_faces = body.corners, body.faces
+        self.triangles = mesh_read.corner_vertices(self.body.data)[self.triangle_corners]
         self.faces = mesh_read.face_starts(target.data), mesh_read.corner_vertices(target.data)
+
+    def anew(self):
+        """The same way to the target as it is now, with nothing prepared."""
+        route = Route(self.target, self._body)
+        route.wanted, route.sides, route.uv_names = self.wanted, self.sides, self.uv_names
+        return route
 
     @cached_property
     def source_points(self):
-        """Source coordinates, (n_source, 3)."""
-        return mesh_read.positions(self.source.data).astype(np.float64)
+        """Coordinates of the source's body, (n_source, 3)."""
+        return mesh_read.positions(self.body.data).astype(np.float64)
+
+    @property
+    def source_is_completed(self):
+        """Whether the source's body is more than what is modelled of it."""
+        return self._body.is_whole
+
+    def in_body(self, faces, weights, images):
+        """Places in modelled triangles, in images in mirrors → the body's triangles, and weights there."""
+        return self._body.triangles_of(faces, weights, images)
+
+    def as_stored(self, faces, weights):
+        """Places in the body's triangles → modelled triangles, weights there, and images in mirrors."""
+        return self._body.as_stored(faces, weights)
+
+    def shown_places(self, points):
+        """Places of the body's vertices where the source's modelled vertices are at `points`, (n, 3)."""
+        return self._body.shown(points) if self._body.is_whole else points
 
     @cached_property
     def target_points(self):
@@ -77,7 +104,7 @@ class Route:
     @cached_property
     def carried_slots(self):
         """The source's material slot that each face of the target gets, (faces,)."""
-        return self.map.face_labels(*self.faces, mesh_read.slots_shown(self.source)[self.triangle_faces])
+        return self.map.face_labels(*self.faces, mesh_read.slots_shown(self.body)[self.triangle_faces])
 
     @cached_property
     def target_triangles(self):
@@ -88,10 +115,11 @@ class Route:
     def map(self):
         """The core's `SurfaceMap`; weights are brought back to a sum of one from single precision."""
         face, weights, confidence = (
-            mesh_write.read_attribute(self.target.data.attributes[name]).astype(np.float64)
+            read_attribute(self.target.data.attributes[name]).astype(np.float64)
             for name in ("match_face", "match_barycentric", "match_confidence")
         )
         weights = np.clip(weights, 0.0, None)
+        face, weights = self.in_body(face.astype(int), weights, stored_match.images(self.target.data))
         return self._joined(
             self.source_points,
             self.target_points,

@@ -11,9 +11,8 @@ import numpy as np
 from .. import landmarks, mesh_read, mesh_write, stored_match
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import read_attribute, write_attribute
+from .layouts import finite_uv, own_maps
 from .normals import corner_normals
-from .route import Route
-from .uv_maps import finite_uv
 
 # A layer of face corners that holds custom normals while the mesh is cut.
 NORMALS = "spectral_match_normals"
@@ -24,19 +23,25 @@ MOST_ROUNDS = 5
 def split(route, uv_maps, options):
     """The route onto the target after its faces were cut along seams of these UV maps, and notes.
 
-    Without the option, or where no face straddles, it is the same route. A failure inside takes the cuts
+    Without the options, or where no face straddles, it is the same route. A failure inside takes the cuts
     back.
     """
-    cuts = _cuts(route, uv_maps) if uv_maps and options.split_seams else None
+    target = route.target
+    unasked = options.split_bare and not options.split_seams
+    wished = options.split_seams or (options.split_bare and not own_maps(target.data))
+    cuts = _cuts(route, uv_maps) if uv_maps and wished else None
     if cuts is None or len(cuts.cuts) == 0:
         yield route, []
         return
-    target = route.target
     if any(modifier.type == "MULTIRES" for modifier in target.modifiers):
-        raise UnusableObjectError(
+        words = (
             f"'{target.name}' has a Multiresolution modifier, whose sculpt would be lost when faces are "
-            "split. Apply it, or switch Split Faces at Seams off"
+            "split at seams"
         )
+        if unasked:
+            yield route, [f"{words}: they were left whole, and textures are off where a seam runs through"]
+            return
+        raise UnusableObjectError(f"{words}. Apply it, or switch Split Faces at Seams off")
     mesh = target.data
     before = mesh.copy()
     try:
@@ -60,7 +65,7 @@ def _split_all(route, uv_maps, cuts):
     for _ in range(MOST_ROUNDS):
         faces = len(route.target.data.polygons)
         _apply(route, cuts)
-        route = Route(route.target)
+        route = route.anew()
         cuts = _cuts(route, uv_maps)
         if len(cuts.cuts) == 0 or len(route.target.data.polygons) == faces:
             break
@@ -68,7 +73,7 @@ def _split_all(route, uv_maps, cuts):
 
 
 def _cuts(route, uv_maps):
-    layers = [finite_uv(route.source.data, name)[route.triangle_corners] for name in uv_maps]
+    layers = [finite_uv(route.body.data, name)[route.triangle_corners] for name in uv_maps]
     return route.map.seam_cuts(*route.faces, np.concatenate(layers, axis=2))
 
 
@@ -180,12 +185,18 @@ def _extend_match(route, cuts, number):
     place = np.concatenate([cuts.moved, new[made]])
     faces = read_attribute(mesh.attributes["match_face"])
     weights = read_attribute(mesh.attributes["match_barycentric"])
-    faces[place] = np.concatenate([cuts.moved_faces, cuts.faces[made]])
-    weights[place] = np.concatenate([cuts.moved_barycentric, cuts.barycentric[made]])
+    images = stored_match.images(mesh)
+    faces[place], weights[place], images[place] = route.as_stored(
+        np.concatenate([cuts.moved_faces, cuts.faces[made]]),
+        np.concatenate([cuts.moved_barycentric, cuts.barycentric[made]]),
+    )
     write_attribute(mesh, "match_face", "INT", "POINT", faces)
     write_attribute(mesh, "match_barycentric", "FLOAT_VECTOR", "POINT", weights)
+    if mesh_write.MATCH_IMAGE in mesh.attributes:
+        write_attribute(mesh, mesh_write.MATCH_IMAGE, "INT", "POINT", images)
     if "match_position" in mesh.attributes:
-        positions = mesh_write.image_points(route.source_points, route.triangles, faces, weights)
+        shown = route.in_body(faces, weights, images)
+        positions = mesh_write.image_points(route.source_points, route.triangles, *shown)
         write_attribute(mesh, "match_position", "FLOAT_VECTOR", "POINT", positions)
     stored = mesh.spectral_match
     stored.target_fingerprint = str(mesh_read.fingerprint(mesh))

@@ -1,17 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shape keys: displacements in local frames, each relative to its own reference key, with their settings."""
 
+import re
+from functools import partial
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
 from ..mesh_read import UnusableObjectError
+from .actions import carry_animation
 from .kind import Kind, Prepared
-from .sides import flip_name, names_on_target
+from .listed import listed
 
 SETTINGS = ("slider_max", "slider_min", "value", "mute", "interpolation")
+# A key that moves the target by less than this share of what it moves on the source does not reach it: what
+# is left are roundings, and traces of faces that its border runs through.
+STILL = 1e-3
 # Lowest end of any key's range, as Blender allows it.
 LOWEST = -10.0
+# A key's property as drivers and curves name it.
+KEY_PATH = re.compile(r'key_blocks\["((?:[^"\\]|\\.)*)"\](.*)')
 DRIVEN = ("value", "mute", "slider_min", "slider_max")
 
 
@@ -30,16 +39,28 @@ def prepare(route, wanted, options):
                 "beside relative ones. Check Relative in its Shape Keys panel"
             )
     blocks = [keys.key_blocks[name] for name in _with_references(keys, wanted)]
-    named, notes = names_on_target([block.name for block in blocks], options)
+    named, notes = route.sides.of_all([block.name for block in blocks])
     back = np.linalg.inv(route.target_stretch)
-    offsets = {}
+    offsets, still = {}, []
     for block in blocks:
-        delta = (read_key(block) - read_key(block.relative_key)) @ route.source_stretch
+        delta = route.shown_places(read_key(block)) - route.shown_places(read_key(block.relative_key))
+        delta = delta @ route.source_stretch
         carried = route.map_as_seen.displacements(delta, turn_only=not options.scale_keys)
         offsets[block.name] = _in_mirrors(route, carried @ back)
-    masks = {block.name: block.vertex_group for block in blocks}
-    if options.mirror_names:
-        masks = {name: flip_name(mask) for name, mask in masks.items()}
+        # A key that moves nothing on the source either is there for something else.
+        if _reach(carried) < STILL * _reach(delta):
+            still.append(block.name)
+    if options.skip_still:
+        left = _left_out(route.target, blocks, named, set(still) - _read_by_drivers(keys))
+        blocks = [block for block in blocks if block.name not in left]
+        if left:
+            notes.append(
+                f"{len(left)} shape key{'s move' if len(left) > 1 else ' moves'} nothing on "
+                f"'{route.target.name}' and {'were' if len(left) > 1 else 'was'} left out: {listed(left)}"
+            )
+    if not blocks:
+        return Prepared(notes=tuple(notes))
+    masks = {block.name: route.sides.of(block.vertex_group) for block in blocks}
     missing = sorted({mask for mask in masks.values() if mask and mask not in route.target.vertex_groups})
     if missing:
         notes.append(
@@ -47,6 +68,37 @@ def prepare(route, wanted, options):
             f"too: {', '.join(missing)}"
         )
     return Prepared(lambda: _write(route, blocks, named, offsets, masks), tuple(notes))
+
+
+def _reach(offsets):
+    """The length of the longest of these displacements."""
+    return np.linalg.norm(offsets, axis=1).max(initial=0.0)
+
+
+def _read_by_drivers(keys):
+    """Names of keys whose values drivers of the keys read."""
+    drivers = keys.animation_data.drivers if keys.animation_data is not None else ()
+    paths = [
+        seen.data_path
+        for curve in drivers
+        for variable in curve.driver.variables
+        for seen in variable.targets
+    ]
+    return {bpy.utils.unescape_identifier(found[1]) for path in paths for found in KEY_PATH.finditer(path)}
+
+
+def _left_out(target, blocks, named, still):
+    """Which of the still keys are not made: no other carried key builds on them, and the target has none."""
+    own = target.data.shape_keys
+    needed = set(own.key_blocks.keys()) if own is not None else set()
+    left = []
+    # Backwards, since each comes after the one it is relative to.
+    for block in reversed(blocks):
+        if block.name in still and named[block.name] not in needed:
+            left.insert(0, block.name)
+        else:
+            needed.add(named[block.relative_key.name] if block.relative_key.name in named else "")
+    return left
 
 
 def _in_mirrors(route, offsets):
@@ -105,6 +157,17 @@ def _write(route, blocks, named, offsets, masks):
         made[block.name] = own
     target.active_shape_key_index = shown
     _copy_drivers(route, blocks, made)
+    named = {block.name: made[block.name].name for block in blocks}
+    carry_animation(blocks[0].id_data, keys, partial(_own_path, named), target)
+
+
+def _own_path(named, path):
+    """Path of the carried key's property for that of the source's key, None for keys that are not carried."""
+    found = KEY_PATH.match(path)
+    name = found and bpy.utils.unescape_identifier(found[1])
+    if name not in named:
+        return None
+    return f'key_blocks["{bpy.utils.escape_identifier(named[name])}"]{found[2]}'
 
 
 def _copy_drivers(route, blocks, made):
@@ -132,7 +195,7 @@ KIND = Kind(
     "keys",
     "Shape Keys",
     "SHAPEKEY_DATA",
-    "Carry shape keys with their ranges, drivers and masks",
+    "Carry shape keys with their ranges, animation, drivers and masks",
     names,
     prepare,
     {
@@ -140,6 +203,12 @@ KIND = Kind(
             name="Scale Shape Keys",
             default=True,
             description="Make movements larger or smaller with the parts they move. Off: turn them only",
-        )
+        ),
+        "skip_still": BoolProperty(
+            name="Leave Out Still Keys",
+            default=True,
+            description="Make no keys that move nothing on the target, as those of a face on a shirt. Keys "
+            "that move nothing on the source are carried",
+        ),
     },
 )

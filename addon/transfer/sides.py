@@ -1,24 +1,119 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Names of the other side, for a match that turned left into right."""
+"""Names of the other side, for a match that turned left into right.
+
+A side is a word, a letter or a sign that stands by itself, anywhere in a name: `Hand.L`, `hand_l_01`,
+`L_Hand`, `J_Bip_L_Hand`, `Bip01 L Hand`, `LeftHand`, `lShldr`, `HandR`, `左腕`. What only may be one, as in
+`leftarm`, `rt_arm` or `HairL1`, counts where there is a name of the other side, and two names without any
+side are partners where they lie so on a symmetric body.
+"""
 
 import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 
-import bpy
+from .actions import actions_of, own_actions
+from .listed import listed
 
-from .copies import copied
+# What stands for each side; of several that are possible the first that makes a known name.
+OTHER = {
+    "l": ("r",), "L": ("R",), "r": ("l",), "R": ("L",),
+    "left": ("right",), "Left": ("Right",), "LEFT": ("RIGHT",),
+    "right": ("left",), "Right": ("Left",), "RIGHT": ("LEFT",),
+    "lft": ("rgt",), "Lft": ("Rgt",), "LFT": ("RGT",),
+    "rgt": ("lft",), "Rgt": ("Lft",), "RGT": ("LFT",),
+    "lf": ("rt",), "Lf": ("Rt",), "LF": ("RT",),
+    "lt": ("rt",), "Lt": ("Rt",), "LT": ("RT",),
+    "rt": ("lf", "lt"), "Rt": ("Lf", "Lt"), "RT": ("LF", "LT"),
+    "左": ("右",), "右": ("左",), "왼": ("오른",), "오른": ("왼",),
+}  # fmt: skip
+LEFTS = frozenset("l L left Left LEFT lft Lft LFT lf Lf LF lt Lt LT 左 왼".split())
+# Signs of scripts without words apart, where both in one name mean both sides.
+SIGNS = frozenset("左右왼") | {"오른"}
+# Sides for certain. A letter stands alone between signs, or is set off by the case of its neighbours.
+SURE = (
+    r"(?<![A-Z])(?:LEFT|RIGHT)(?![A-Za-z])",
+    r"(?:Left|Right)(?![a-z])",
+    r"(?<![A-Za-z])(?:left|right)(?![a-z])",
+    r"(?<![A-Za-z])(?:lft|Lft|LFT|rgt|Rgt|RGT|lf|Lf|LF)(?![A-Za-z])",
+    r"(?<![A-Za-z0-9])[LlRr](?![A-Za-z0-9])",
+    r"(?<![A-Za-z0-9])[lr](?=[A-Z])",
+    r"(?<![A-Za-z0-9])[LR](?=[A-Z][a-z])",
+    r"(?<=[a-z0-9])[LR](?![A-Za-z0-9])",
+    r"左|右|왼|오른",
+)
+# Sides perhaps: "Bright", "root_rt" and the vertebra "L4" have none.
+PERHAPS = (
+    r"(?:left|right|Left|Right|LEFT|RIGHT)",
+    r"(?<![A-Za-z])(?:lt|Lt|LT|rt|Rt|RT)(?![A-Za-z])",
+    r"(?<![A-Za-z0-9])[LlRr](?=[0-9])",
+    r"(?<=[a-z0-9])[LR](?=[A-Z0-9])",
+)
+FOR_CERTAIN, AT_MOST = re.compile("|".join(SURE)), re.compile("|".join(SURE + PERHAPS))
+# Words in which people read no side.
+SIDELESS = re.compile(r"(?i)(?:b|f|w|up|copy|out|down)right|cleft|leftover")
+# Names that are told of at once: each has to be looked at.
+MOST_TOLD = 20
 
-# A side to people, though Blender exchanges it only at the ends of a name.
-SIDED = re.compile(r"(?<![A-Za-z])(?:[LlRr]|left|right|LEFT|RIGHT)(?![A-Za-z])|Left|Right")
 
+def flip_name(name, known=()):
+    """The name with its side exchanged, a namespace before a colon left aside; itself where it has none.
 
-def flip_name(name):
-    """The name with its side exchanged as Blender does it, a namespace left aside."""
+    What only may be a side is exchanged where that makes one of the `known` names.
+    """
     space, colon, own = name.rpartition(":")
-    return space + colon + bpy.utils.flip_name(own)
+    certain = FOR_CERTAIN.findall(own)
+    sides = {side in LEFTS for side in certain}
+    if len(sides) == 1:
+        (flipped,) = _flips(FOR_CERTAIN, own)[:1]
+        return space + colon + flipped
+    found = (space + colon + flipped for flipped in _flips(AT_MOST, own))
+    return next((flipped for flipped in found if flipped != name and flipped in known), name)
 
 
-def name_on_target(name, options):
-    return flip_name(name) if options.mirror_names else name
+def _flips(pattern, name):
+    """The name with all sides that the pattern finds exchanged, in each way of writing the others."""
+    ways = max((len(OTHER[side]) for side in pattern.findall(name)), default=0)
+    return [
+        pattern.sub(lambda found, way=way: OTHER[found[0]][min(way, len(OTHER[found[0]]) - 1)], name)
+        for way in range(ways)
+    ]
+
+
+def looks_sided(name):
+    """Whether people may read a side in a name, and not both."""
+    own = SIDELESS.sub("", name.rpartition(":")[2])
+    sides = AT_MOST.findall(own)
+    both = {side in LEFTS for side in sides} == {True, False} and SIGNS.issuperset(sides)
+    return bool(sides) and not both
+
+
+@dataclass(frozen=True)
+class Sides:
+    """The target's name for each of the source's: itself, or with the side exchanged.
+
+    `known` are names that there are, `partners` those that are exchanged because of where they lie.
+    """
+
+    mirrored: bool = False
+    known: frozenset = frozenset()
+    partners: Mapping = field(default_factory=dict)
+
+    def of(self, name):
+        if not self.mirrored or not name:
+            return name
+        flipped = flip_name(name, self.known)
+        return self.partners.get(name, name) if flipped == name else flipped
+
+    def of_all(self, names):
+        """The target's name for each, and notes about sides that are not exchanged."""
+        named = {name: self.of(name) for name in names}
+        kept = [name for name, other in named.items() if name == other and looks_sided(name)]
+        if not self.mirrored or not kept:
+            return named, []
+        return named, [
+            "Mirror Names found no name of the other side for these, which were left as they are: "
+            f"{listed(kept, MOST_TOLD)}. Rename them where they are of one side"
+        ]
 
 
 def rename(items, named, *animated):
@@ -34,43 +129,3 @@ def rename(items, named, *animated):
         item.name = f"spectral_match {number}"
     for item, name in renamed:
         item.name = name
-
-
-def actions_of(holder):
-    """Actions that animate an ID, in its NLA strips too, each once."""
-    return list(dict.fromkeys(user.action for user in _action_users(holder) if user.action is not None))
-
-
-def own_actions(holder, actions):
-    """Exchange these actions of an ID for copies; returns the copies."""
-    made = {action: copied(action) for action in actions}
-    for user in _action_users(holder):
-        if user.action in made:
-            # From Blender 4.4.
-            slot = getattr(user, "action_slot", None)
-            user.action = made[user.action]
-            if slot is not None:
-                user.action_slot = user.action.slots[slot.identifier]
-    for action in actions:
-        if not action.users:
-            bpy.data.actions.remove(action)
-    return list(made.values())
-
-
-def _action_users(holder):
-    held = holder.animation_data
-    return [] if held is None else [held, *(strip for track in held.nla_tracks for strip in track.strips)]
-
-
-def names_on_target(names, options):
-    """The target's name for each of the source's, and notes about sides that are not exchanged."""
-    if not options.mirror_names:
-        return {name: name for name in names}, []
-    named = {name: flip_name(name) for name in names}
-    kept = [name for name, other in named.items() if name == other and SIDED.search(name)]
-    if not kept:
-        return named, []
-    return named, [
-        "Mirror Names exchanges sides at the beginning or end of a name only. These were left as they are: "
-        + ", ".join(kept)
-    ]

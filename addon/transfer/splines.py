@@ -8,19 +8,19 @@ from mathutils import Matrix
 from .attachment import in_source, placed
 from .copies import copied
 from .pieces import is_small, pieces
-from .sides import names_on_target, rename
+from .sides import rename
 
 # A point has no turn of its own: it takes that of its surroundings this far around.
 SMALLEST_REACH = 1e-6
 
 
-def carry(route, companion, options, _notes):
+def carry(route, companion, _options, _notes):
     """What writes into a copy of the companion, and the copy's place in the world if it moves as a whole."""
     if companion.mode == "EDIT":
         companion.update_from_editmode()
     data, matrix = companion.data, in_source(route, companion)
     blocks = list(data.shape_keys.key_blocks) if data.shape_keys else []
-    named, _ = names_on_target([block.name for block in blocks], options)
+    named, _ = route.sides.of_all([block.name for block in blocks])
     points = _read(_elements(data))
     # Only Blender knows where letters are.
     outline = np.array(companion.bound_box) if companion.type == "FONT" else points.reshape(-1, 3)

@@ -8,7 +8,8 @@ from .. import core
 from ..mesh_write import read_attribute, write_attribute
 from .attachment import in_source, placed
 from .copies import copied
-from .uv_maps import SHARE_ROOM, read_uv
+from .layouts import read_uv
+from .uv_maps import SHARE_ROOM
 
 # Attributes of points that are places, as far as hair has them.
 PLACES = ("position", "handle_left", "handle_right")
@@ -86,13 +87,15 @@ def _attach(route, wanted, own, corners, weights):
             f"Strands of '{own.name}' are attached by the UV map '{wanted}', and '{target.name}' has none. "
             "For hair nodes carry UV Maps, then Other Objects again"
         ]
-    name = wanted if wanted in layers else layers.active.name
+    # The source's map may have come under another name, beside one of the target's own.
+    known = route.uv_names.get(wanted, wanted)
+    name = known if known in layers else layers.active.name
     own.data.surface_uv_map = name
     uv = read_uv(target.data, name)
     places = np.einsum("ik,ikc->ic", weights, uv[corners])
     write_attribute(own.data, SURFACE_UV, "FLOAT2", "CURVE", places)
     notes = []
-    if name != wanted:
+    if name != known:
         notes.append(
             f"'{target.name}' has no UV map '{wanted}': strands of '{own.name}' are attached by '{name}'"
         )

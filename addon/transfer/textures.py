@@ -10,12 +10,14 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import core, mesh_read
 from ..mesh_read import UnusableObjectError
-from .copies import MADE_FROM, ORIGINAL, copied
+from .copies import MADE_FROM, ORIGINAL
 from .image_nodes import image_nodes, images, laid, normal_maps
 from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
 from .kind import Kind, Prepared
+from .layouts import bake_map, finite_uv, takes_over
+from .material_copies import fitting, forget, is_made_from, made_title, own_copy, slot_name
 from .normals import matrices
-from .uv_maps import finite_uv
+from .sheets import sheets
 
 LARGEST_TRIANGULATED = 4
 TILE_ROWS = 100
@@ -33,10 +35,10 @@ def _materials(source):
 
 
 def prepare(route, wanted, options):
-    if _takes_over_layout(route, options):
+    if takes_over(route, options):
         words = (
-            f"'{route.target.name}' gets the source's UV map in place of its own. Textures fit that as they "
-            "are and were not baked. To bake them, choose another map of the target, or leave out UV Maps"
+            f"'{route.target.name}' shows textures by the source's UV map, which they fit as they are: they "
+            "were not baked. To bake them, unwrap it, or choose a UV map of its own"
         )
         return Prepared(partial(_show_originals, route, options), (words,))
     notes, baked = [], {}
@@ -47,11 +49,22 @@ def prepare(route, wanted, options):
         notes.append(str(reason))
     else:
         with route.mesh_as_written() as mesh:
-            for use, materials in _materials_of(uses).items():
-                try:
-                    baked[use] = _bake(route, mesh, use, materials, target_uv, options)
-                except UnusableObjectError as reason:
-                    notes.append(str(reason))
+            of = {use: _triangles_used(route, materials) for use, materials in _materials_of(uses).items()}
+            try:
+                parts, words = sheets(route, target_uv, _any([used for _, used in of.values()]))
+                notes += words
+            except UnusableObjectError as reason:
+                notes.append(str(reason))
+                of = {}
+            for use, (source_used, target_used) in of.items():
+                for number in parts.numbers:
+                    used = source_used, target_used & (parts.triangles == number)
+                    if number and not used[1].any():
+                        continue
+                    try:
+                        baked[use, number] = _bake(route, mesh, use, used, target_uv, options)
+                    except UnusableObjectError as reason:
+                        notes.append(str(reason))
     # An image that several nodes or materials lay on in the same way is told of once.
     notes = list(dict.fromkeys(notes))
     if not baked and not any(others for kind, others in route.wanted.items() if kind != KIND.identifier):
@@ -60,10 +73,11 @@ def prepare(route, wanted, options):
         notes += _unseen(route, uses, baked)
 
     def write():
-        images = {use: store(title, baked[use], use.image) for use, title in _titles(route, baked).items()}
+        titles = _titles(route, baked, parts) if baked else {}
+        images = {key: store(title, baked[key], key[0].image) for key, title in titles.items()}
         if images and options.bake_material:
             _fill_slots(route)
-            _replace_materials(route, uses, images, target_uv)
+            _replace_materials(route, uses, images, target_uv, parts)
         for image in images.values():
             # Without a user it would not be saved.
             image.use_fake_user = not image.users
@@ -97,57 +111,33 @@ def _materials_of(uses):
     return materials
 
 
-def _titles(route, baked):
+def _any(masks):
+    return np.logical_or.reduce(masks) if masks else np.zeros(0, bool)
+
+
+def _triangles_used(route, materials):
+    """The source's and the target's triangles that show these materials of the source, (m,) each."""
+    slots = [place for place, slot in enumerate(route.source.material_slots) if slot.material in materials]
+    return tuple(np.isin(shown, slots) for shown in _slots_shown(route))
+
+
+def _titles(route, baked, parts):
     """A name for each baked image; those laid on in several ways are numbered."""
     titles, times = {}, Counter()
-    for use in baked:
-        title = made_title(use.image, route.target)
+    for use, number in baked:
+        title = _part_title(use.image, route.target, parts, number)
         times[title] += 1
-        titles[use] = f"{title} {times[title]}" if times[title] > 1 else title
+        titles[use, number] = f"{title} {times[title]}" if times[title] > 1 else title
     return titles
 
 
-def made_title(original, target):
-    """Name of what is made from an image or a material for the target. In `MADE_FROM` it tells it from
-    others of that name.
-    """
-    return f"{original.name} {target.name}"
-
-
-def is_made_from(material, original, target):
-    """Whether the material is the original, or the copy of it that shows the target's baked images; None is
-    none.
-    """
-    if material is None or original is None:
-        return material == original
-    kept = material.get(ORIGINAL)
-    known = kept == original if kept else material.get(MADE_FROM) == made_title(original, target)
-    return known or material == original
-
-
-def slot_name(slot, place):
-    """What an artist chooses the source's slot by, the empty one too."""
-    return slot.material.name if slot.material else f"Empty Slot {place + 1}"
-
-
-def _layout_name(route, options):
-    """The UV map to bake into: as chosen, else the active one, or the first that no carried one replaces."""
-    layers, carried = route.target.data.uv_layers, route.wanted.get("uv", ())
-    if options.bake_uv or layers.active is None:
-        return options.bake_uv
-    if layers.active.name not in carried:
-        return layers.active.name
-    return next((layer.name for layer in layers if layer.name not in carried), layers.active.name)
-
-
-def _takes_over_layout(route, options):
-    """Whether the UV map to bake into is one that comes from the source, or there is none but those."""
-    carried, name = route.wanted.get("uv", ()), _layout_name(route, options)
-    return name in carried or bool(carried and not name)
+def _part_title(original, target, parts, number):
+    """Name of what is made from an image or material for a part of the target."""
+    return " ".join([made_title(original, target), parts.names[number]]).rstrip()
 
 
 def _own_layout(route, options):
-    name = _layout_name(route, options)
+    name = bake_map(route, options)
     if name not in route.target.data.uv_layers:
         what = f"has no UV map '{name}'" if name else "has no UV map of its own"
         raise UnusableObjectError(f"'{route.target.name}' {what} to bake textures into. Unwrap it first")
@@ -174,11 +164,13 @@ def _cells(route, name, uv):
     )
 
 
-def _bake(route, mesh, use, materials, target_uv, options):
-    """Pixels of each tile of the baked image, by the tile's number; `mesh` is the target's as it will be."""
+def _bake(route, mesh, use, used, target_uv, options):
+    """Pixels of each tile of the baked image, by the tile's number, for the triangles used of both meshes.
+
+    `mesh` is the target's as it will be.
+    """
     image = use.image
-    slots = [place for place, slot in enumerate(route.source.material_slots) if slot.material in materials]
-    source_used, target_used = (np.isin(shown, slots) for shown in _slots_shown(route))
+    source_used, target_used = used
     if not target_used.any():
         raise UnusableObjectError(
             f"No face of '{route.target.name}' shows image '{image.name}': it was not baked"
@@ -189,7 +181,7 @@ def _bake(route, mesh, use, materials, target_uv, options):
     if options.bake_size != "SOURCE":
         width = height = int(options.bake_size)
     placing = np.array(use.placing)
-    given = finite_uv(route.source.data, use.uv)[route.triangle_corners] @ placing[:, :2].T + placing[:, 2]
+    given = finite_uv(route.body.data, use.uv)[route.triangle_corners] @ placing[:, :2].T + placing[:, 2]
     wanted = finite_uv(route.target.data, target_uv)[route.target_corners]
     cells = _cells(route, target_uv, wanted[target_used])
     way, turning = _turning(route, mesh, use.normals, target_uv)
@@ -249,7 +241,7 @@ def _slots_shown(route):
     for place, given in enumerate(route.source.material_slots):
         if slot_name(given, place) in chosen:
             slot[carried == place] = place
-    return mesh_read.slots_shown(route.source)[route.triangle_faces], slot[route.target_triangle_faces]
+    return mesh_read.slots_shown(route.body)[route.triangle_faces], slot[route.target_triangle_faces]
 
 
 def _turning(route, mesh, normals, target_uv):
@@ -259,7 +251,7 @@ def _turning(route, mesh, normals, target_uv):
     if normals.space != "TANGENT":
         return route.map_as_seen, {"normal_spaces": matrices(route, normals.space)}
     frames = (
-        *_tangent_frames(route.source.data, normals.uv, route.triangle_corners, route.source),
+        *_tangent_frames(route.body.data, normals.uv, route.triangle_corners, route.source),
         *_tangent_frames(mesh, target_uv, route.target_corners, route.target),
     )
     return route.map, {"tangent_frames": frames}
@@ -299,7 +291,7 @@ def _unseen(route, uses, baked):
         return not slots or shown or material.name in carried
 
     materials = _materials_of(uses)
-    unseen = sorted({use.image.name for use in baked if not any(map(seen, materials[use]))})
+    unseen = sorted({use.image.name for use, _ in baked if not any(map(seen, materials[use]))})
     if not unseen:
         return []
     which = ", ".join(f"'{name}'" for name in unseen)
@@ -323,53 +315,63 @@ def _show_originals(route, options):
         return
     _fill_slots(route)
     for material in _materials(route.source):
+        shown = fitting(route, material)
         for slot in route.target.material_slots:
             if is_made_from(slot.material, material, route.target):
-                slot.material = material
+                slot.material = shown
 
 
-def _replace_materials(route, uses, images, uv):
-    """In the target's slots: copies of the source's materials with the baked images on the target's map."""
+def _replace_materials(route, uses, images, uv, parts):
+    """In the target's slots: copies of the source's materials with the baked images on the target's map.
+
+    Where the target has several parts, their faces get a slot each.
+    """
     target = route.target
+    slots = target.material_slots
     for material, laid_on in uses.items():
-        slots = [slot for slot in target.material_slots if is_made_from(slot.material, material, target)]
-        if not slots or not images.keys() & set(laid_on):
+        places = [at for at, slot in enumerate(slots) if is_made_from(slot.material, material, target)]
+        numbers = [number for number in parts.numbers if any((use, number) in images for use in laid_on)]
+        if not places or not numbers:
             continue
-        title = made_title(material, target)
         earlier = [
             held for held in bpy.data.materials if held != material and is_made_from(held, material, target)
         ]
-        replaced = {slot.material for slot in slots} - {material}
-        copy = _own_material(material, title)
-        _exchange(copy, [images.get(use) for use in laid_on], uv)
-        for slot in slots:
-            slot.material = copy
+        replaced = {slots[at].material for at in places} - {material}
+        copies = {}
+        for number in numbers:
+            copy = own_copy(route, material, _part_title(material, target, parts, number))
+            _exchange(copy, [images.get((use, number)) for use in laid_on], uv)
+            copies[number] = copy
         for held in bpy.data.materials:
             # What was baked from an earlier one for the next target in a chain.
             if held.get(ORIGINAL) in replaced:
-                held[ORIGINAL] = copy
-        _remove_unused(bpy.data.materials, earlier)
-        groups = [group for group in bpy.data.node_groups if group.get(MADE_FROM) == title]
-        while _remove_unused(bpy.data.node_groups, groups):
-            pass
-        copy.name = title
+                held[ORIGINAL] = copies[numbers[0]]
+        _give_slots(target, places, copies, parts)
+        forget(earlier)
+        for copy in copies.values():
+            copy.name = copy[MADE_FROM]
 
 
-def _own_material(material, title):
-    """A copy of the material, with copies of the node groups in which there are images."""
-    copy = copied(material)
-    copy[MADE_FROM], copy[ORIGINAL] = title, material
-
-    def own_groups(tree):
-        for node in tree.nodes:
-            if node.type == "GROUP" and node.node_tree in with_images:
-                node.node_tree = copied(node.node_tree)
-                node.node_tree[MADE_FROM] = title
-                own_groups(node.node_tree)
-
-    with_images = {around.node_tree for groups, _ in image_nodes(copy) for around in groups}
-    own_groups(copy.node_tree)
-    return copy
+def _give_slots(target, places, copies, parts):
+    """Show each part's copy of a material on the faces that show one of the slots at these places."""
+    slots = target.material_slots
+    for at in places:
+        slots[at].material = next(iter(copies.values()))
+    if len(copies) == 1:
+        return
+    index = np.empty(len(parts.faces), np.int32)
+    target.data.polygons.foreach_get("material_index", index)
+    shows = np.isin(index, places)
+    free = list(places)
+    for number, copy in copies.items():
+        if free:
+            at = free.pop(0)
+            slots[at].material = copy
+        else:
+            at = len(slots)
+            target.data.materials.append(copy)
+        index[shows & (parts.faces == number)] = at
+    target.data.polygons.foreach_set("material_index", index)
 
 
 def _exchange(material, images, uv):
@@ -390,20 +392,12 @@ def _exchange(material, images, uv):
             normal_map.uv_map = uv
 
 
-def _remove_unused(collection, held):
-    """Remove those of `held` that nothing uses any more, from it too; whether there were any."""
-    unused = [data for data in held if not data.users]
-    for data in unused:
-        held.remove(data)
-        collection.remove(data)
-    return bool(unused)
-
-
 KIND = Kind(
     "textures",
     "Textures",
     "TEXTURE",
-    "Bake the source's image textures into the target's own UV layout",
+    "Bake the source's image textures into the target's own UV layout. A target without one shows them by "
+    "the source's UV map",
     names,
     prepare,
     {
@@ -437,5 +431,4 @@ KIND = Kind(
             description="Give the target copies of the materials that show the baked images",
         ),
     },
-    default=False,
 )

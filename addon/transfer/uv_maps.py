@@ -11,6 +11,7 @@ from ..mesh_read import UnusableObjectError
 from ..mesh_write import check_name
 from .attributes import SEAMS
 from .kind import Kind, Prepared
+from .layouts import bakes_into_own, carried_maps, finite_uv, remember
 
 MOST_UV_MAPS = 8
 # Worse than the source's by more than this is said: stretch as a factor, shares of area as a difference.
@@ -22,13 +23,14 @@ def names(source):
 
 
 def prepare(route, wanted, options):
-    source, target = route.source.data, route.target.data
-    for name in wanted:
+    source, target = route.body.data, route.target.data
+    named = {name: route.uv_names[name] for name in wanted}
+    for name in named.values():
         check_name(route.target, name, "FLOAT2", "CORNER")
     if options.mark_seams:
         check_name(route.target, SEAMS, "BOOLEAN", "EDGE")
     room = MOST_UV_MAPS - len(target.uv_layers)
-    if sum(name not in target.uv_layers for name in wanted) > room:
+    if sum(name not in target.uv_layers for name in named.values()) > room:
         raise UnusableObjectError(
             f"'{route.target.name}' has room for {room} more UV maps only; {MOST_UV_MAPS} are the most there "
             "can be. Remove one"
@@ -40,24 +42,20 @@ def prepare(route, wanted, options):
         carried[name] = layout.uv
         notes += _faults(route, name, uv, layout.uv)
     seams = _seams(route, carried[_active(source, wanted)]) if options.mark_seams else None
-    return Prepared(lambda: _write(source, target, carried, seams), tuple(notes))
+    notes += _beside(route, named)
+    shown = not bakes_into_own(route, options)
+    return Prepared(lambda: _write(source, target, named, carried, seams, shown), tuple(notes))
 
 
-def read_uv(mesh, name):
-    """UVs of every face corner, (corners, 2)."""
-    values = np.empty(len(mesh.loops) * 2, np.float32)
-    mesh.uv_layers[name].uv.foreach_get("vector", values)
-    return values.reshape(-1, 2).astype(np.float64)
-
-
-def finite_uv(mesh, name):
-    """UVs as `read_uv` gives them, or `UnusableObjectError` names the map in which some are no numbers."""
-    values = read_uv(mesh, name)
-    if not np.isfinite(values).all():
-        raise UnusableObjectError(
-            f"UV map '{name}' of mesh '{mesh.name}' has places that are no numbers. Unwrap it anew"
-        )
-    return values
+def _beside(route, named):
+    """Words about maps that come under other names for the first time."""
+    known = carried_maps(route.target.data)
+    return [
+        f"UV map '{name}' of '{route.target.name}' stays; that of '{route.source.name}' came beside it as "
+        f"'{own}'"
+        for name, own in named.items()
+        if own != name and own not in known
+    ]
 
 
 def _active(mesh, wanted):
@@ -100,16 +98,18 @@ def _seams(route, uv):
 SAME_UV = 1e-5
 
 
-def _write(source, target, carried, seams):
+def _write(source, target, named, carried, seams, shown):
     for name, values in carried.items():
-        layer = target.uv_layers.get(name) or target.uv_layers.new(name=name, do_init=False)
+        own = named[name]
+        layer = target.uv_layers.get(own) or target.uv_layers.new(name=own, do_init=False)
         layer.uv.foreach_set("vector", values.astype(np.float32).ravel())
+    remember(target, named)
     active = source.uv_layers.active
-    if active is not None and active.name in carried:
-        target.uv_layers.active = target.uv_layers[active.name]
+    if shown and active is not None and active.name in carried:
+        target.uv_layers.active = target.uv_layers[named[active.name]]
     for layer in source.uv_layers:
-        if layer.active_render and layer.name in carried:
-            target.uv_layers[layer.name].active_render = True
+        if shown and layer.active_render and layer.name in carried:
+            target.uv_layers[named[layer.name]].active_render = True
     if seams is not None:
         marked = np.empty(len(seams), bool)
         target.edges.foreach_get("use_seam", marked)
@@ -130,11 +130,23 @@ KIND = Kind(
             description="Mark the target's edges as seams where the carried UV map is cut. Those that are "
             "seams already stay seams",
         ),
+        "replace_uv": BoolProperty(
+            name="Replace Own",
+            default=False,
+            description="Write over UV maps of the target that have the names of the source's. Off: those "
+            "stay, and the source's come beside them",
+        ),
+        "split_bare": BoolProperty(
+            name="Split Where Not Unwrapped",
+            default=True,
+            description="Cut the faces of a target that has no UV map of its own where a seam of the source "
+            "runs through them, so that textures fit. Off: its topology stays",
+        ),
         "split_seams": BoolProperty(
             name="Split Faces at Seams",
             default=False,
-            description="Cut the target's faces where a seam of the source runs through them. Changes the "
-            "target's topology: it gets more vertices and faces",
+            description="Cut the target's faces where a seam of the source runs through them, whatever UV "
+            "maps it has. Changes the target's topology: it gets more vertices and faces",
         ),
     },
 )

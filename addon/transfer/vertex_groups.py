@@ -10,7 +10,7 @@ from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import write_attribute
 from .kind import Kind, Prepared
-from .sides import names_on_target
+from .listed import listed
 
 # Weights that sum to this much more than 1 are single precision's.
 SUM_ROUNDING = 1e-3
@@ -23,14 +23,14 @@ def names(source):
 
 
 def prepare(route, wanted, options):
-    groups, notes = names_on_target(wanted, options)
+    groups, notes = route.sides.of_all(wanted)
     locks = {group.name for group in route.target.vertex_groups if group.lock_weight}
     locked = np.array([name in locks for name in groups.values()], bool)
     own = read_weights(route.target)
     masked = _masked(route.target, own, options.group_mask)
     deforming = _deforming(route.source, wanted)
     carried = route.map.skin_weights(
-        *_rows(route.source, wanted),
+        *_rows(route.body, wanted),
         len(groups),
         deforming=deforming,
         reject_below=options.reject_below,
@@ -38,7 +38,7 @@ def prepare(route, wanted, options):
         prune=options.prune,
         limit=options.limit if options.limit_total else None,
         normalize=options.normalize,
-        locked=_locked(route, own, locked) if locks else None,
+        locked=_locked(route, wanted, own, locked) if locks else None,
     )
     count = len(route.target_points)
     vertex = np.repeat(np.arange(count), np.diff(carried.starts))
@@ -46,11 +46,14 @@ def prepare(route, wanted, options):
     written = [name for name in groups.values() if name not in locks]
     place = np.cumsum(~locked) - 1
     weights = vertex[kept], place[carried.groups[kept]], carried.weights[kept]
+    if options.mix < 1.0:
+        weights = _mixed(route.target, own, masked, written, weights, options)
     filled = np.zeros(count, bool)
     filled[carried.filled] = True
     if locked.any():
         notes.append(f"{locked.sum()} locked vertex groups of '{route.target.name}' were left as they are")
-    notes += _beside(route, own, masked, written, weights)
+    others, words = _others(route, own, masked, written, weights, options)
+    notes += words
     if filled.any():
         notes.append(
             f"{filled.sum()} vertices of '{route.target.name}' were filled from their neighbours: "
@@ -59,6 +62,8 @@ def prepare(route, wanted, options):
 
     def write():
         write_weights(route.target, written, weights, masked)
+        for names, values, there in others:
+            write_weights(route.target, names, values, there)
         if filled.any() or FILLED in route.target.data.attributes:
             write_attribute(route.target.data, FILLED, "BOOLEAN", "POINT", filled)
 
@@ -104,8 +109,11 @@ def _masked(target, own, name):
     return masked
 
 
-def _locked(route, own, locked):
-    """What the target's locked deforming groups hold: which of ours they are, sum and number a vertex."""
+def _locked(route, wanted, own, locked):
+    """What the target's locked deforming groups hold: which of ours they are, sum and number a vertex.
+
+    Of the sum they first take what the source has in groups that are not wanted.
+    """
     target = route.target
     held = np.array([group.lock_weight for group in target.vertex_groups], bool)
     bones = _bones(route.source) | _bones(target)
@@ -115,34 +123,107 @@ def _locked(route, own, locked):
     count = len(route.target_points)
     return (
         locked,
-        np.bincount(vertex[used], weight[used], minlength=count),
+        np.clip(_sums(vertex[used], weight[used], count) - _left_behind(route, wanted), 0.0, None),
         np.bincount(vertex[used & (weight > 0.0)], minlength=count),
     )
 
 
-def _beside(route, own, masked, written, weights):
-    """A note when groups of other bones, neither carried nor locked, lift the sums beyond one."""
-    bones = _bones(route.source) | _bones(route.target)
-    others = [
-        group
-        for group in route.target.vertex_groups
-        if bones.get(group.name) and group.name not in written and not group.lock_weight
+def _mixed(target, own, masked, written, weights, options):
+    """The share `mix` of the carried weights and the rest of what the target has in these groups."""
+    place = np.full(max(len(target.vertex_groups), 1), -1)
+    for at, name in enumerate(written):
+        group = target.vertex_groups.get(name)
+        if group is not None:
+            place[group.index] = at
+    vertex, group, weight = own
+    kept = masked[vertex]
+    kept[kept] = place[group[kept]] >= 0
+    parts = (
+        (weights[0], weights[1], options.mix * weights[2]),
+        (vertex[kept], place[group[kept]], (1.0 - options.mix) * weight[kept]),
+    )
+    vertex, group, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
+    entry, joined = np.unique(vertex * len(written) + group, return_inverse=True)
+    weight = np.bincount(joined, weight, minlength=len(entry))
+    held = weight >= options.prune
+    return entry[held] // len(written), entry[held] % len(written), weight[held]
+
+
+def _left_behind(route, wanted):
+    """Weights of the source's deforming groups that are not wanted, at each vertex of the target."""
+    bones = _bones(route.source)
+    groups = [
+        group.index
+        for group in route.source.vertex_groups
+        if bones.get(group.name, not bones) and group.name not in wanted
     ]
+    vertex, group, weight = read_weights(route.body)
+    left = np.isin(group, groups)
+    return route.to_points(_sums(vertex[left], weight[left], len(route.source_points)))
+
+
+def _others(route, own, masked, written, weights, options):
+    """What becomes of groups of other bones, neither carried nor locked, where sums rise beyond one.
+
+    On a rigged target they give way: what the carried groups and the locked ones leave is shared among them
+    in their proportions, the weakest left out beyond the limit of weights a vertex. Returns arguments of
+    `write_weights`, names, weights and vertices, and notes.
+    """
+    target = route.target
+    rigged = bool(_bones(target))
+    bones = _bones(target) or _bones(route.source)
+    groups = list(target.vertex_groups)
+    others = [group for group in groups if bones.get(group.name) and group.name not in written]
+    locked = [group for group in others if group.lock_weight]
+    others = [group for group in others if not group.lock_weight]
     count = len(route.target_points)
     vertex, group, weight = own
-    kept = np.isin(group, [other.index for other in others]) & masked[vertex]
     ours = np.array([bones.get(name, False) for name in written], bool)[weights[1]]
-    beside = np.bincount(vertex[kept], weight[kept], minlength=count)
-    sums = np.bincount(weights[0][ours], weights[2][ours], minlength=count)
-    over = (beside > 0.0) & (beside + sums > 1.0 + SUM_ROUNDING)
+    used = np.isin(group, [held.index for held in locked])
+    taken = _sums(weights[0][ours], weights[2][ours], count) + _sums(vertex[used], weight[used], count)
+    entries = np.flatnonzero(
+        np.isin(group, [other.index for other in others]) & masked[vertex] & (weight > 0.0)
+    )
+    beside = _sums(vertex[entries], weight[entries], count)
+    over = (beside > 0.0) & (beside + taken > 1.0 + SUM_ROUNDING)
     if not over.any():
-        return []
-    named = [other.name for other in others if over[vertex[group == other.index]].any()]
-    return [
-        f"Weights of {over.sum()} vertices of '{route.target.name}' sum to more than 1, because groups of "
-        f"other bones move them too: {', '.join(named)}. Remove these groups, or lock those that shall stay "
-        "and transfer again"
-    ]
+        return [], []
+    entries = entries[over[vertex[entries]]]
+    touched = [other for other in others if np.any(group[entries] == other.index)]
+    named = listed(other.name for other in touched)
+    if not (rigged and options.others_give_way):
+        return [], [
+            f"Weights of {over.sum()} vertices of '{target.name}' sum to more than 1, because groups of "
+            f"other bones move them too: {named}. Remove these groups, or lock those that shall stay and "
+            "transfer again"
+        ]
+    if options.limit_total:
+        held = np.bincount(weights[0][ours], minlength=count) + np.bincount(vertex[used], minlength=count)
+        entries = _strongest(entries, vertex, weight, options.limit - held)
+    beside = _sums(vertex[entries], weight[entries], count)
+    left = np.clip(1.0 - taken, 0.0, None)
+    shared = weight[entries] * left[vertex[entries]] / beside[vertex[entries]]
+    kept = shared >= max(options.prune, SUM_ROUNDING * SUM_ROUNDING)
+    place = np.full(len(groups), -1)
+    place[[other.index for other in touched]] = np.arange(len(touched))
+    values = vertex[entries[kept]], place[group[entries[kept]]], shared[kept]
+    note = (
+        f"Weights of other bones gave way at {over.sum()} vertices of '{target.name}': {named}. Lock groups "
+        "that shall stay as they are"
+    )
+    return [([other.name for other in touched], values, over)], [note]
+
+
+def _sums(vertex, weight, count):
+    """Sum of these weights at each of `count` vertices."""
+    return np.bincount(vertex, weight, minlength=count).astype(np.float64)
+
+
+def _strongest(entries, vertex, weight, room):
+    """Of these entries those that are among the strongest `room` (n,) of their vertices."""
+    order = entries[np.lexsort((-weight[entries], vertex[entries]))]
+    first = np.searchsorted(vertex[order], vertex[order])
+    return order[np.arange(len(order)) - first < room[vertex[order]]]
 
 
 def _bones(obj):
@@ -229,6 +310,20 @@ KIND = Kind(
             description="Scale each vertex's weights back to the sum that came across: 1 if the source's "
             "weights sum to 1",
         ),
+        "mix": FloatProperty(
+            name="Mix",
+            default=1.0,
+            min=0.0,
+            max=1.0,
+            subtype="FACTOR",
+            description="How much of the source's weights the groups get; the rest is what they have",
+        ),
+        "others_give_way": BoolProperty(
+            name="Others Give Way",
+            default=True,
+            description="On a target with a rig, weights of its other bones make room for what is carried, "
+            "so that they sum to 1. Locked groups stay",
+        ),
         "prune": FloatProperty(
             name="Prune Below",
             default=0.001,
@@ -256,8 +351,8 @@ KIND = Kind(
         "mirror_names": BoolProperty(
             name="Mirror Names",
             default=False,
-            description="Exchange .L and .R in the names of vertex groups, shape keys and bones: for a match "
-            "that turned left into right",
+            description="Exchange left and right, however they are written, in the names of vertex groups, "
+            "shape keys and bones: for a match that turned left into right",
         ),
         "group_mask": StringProperty(
             name="Mask",

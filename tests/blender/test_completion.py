@@ -4,12 +4,13 @@
 import bpy
 import numpy as np
 import pytest
-from conftest import choose, lumpy, new_object, renumbered
+from conftest import choose, lumpy, new_object, renumbered, triangle_vertices
 from mathutils import Matrix
-from test_transfer import transfer, weights_of
+from test_transfer import store_map, transfer, weights_of
 
 from addon import completion, mesh_read, notice
-from addon.mesh_write import read_attribute
+from addon.mesh_write import read_attribute, write_attribute
+from addon.transfer.layouts import read_uv
 from addon.transfer.shape_keys import read_key
 
 # Of lengths between 1 and 3, by attributes in single precision.
@@ -152,19 +153,146 @@ def test_a_modelled_half_is_matched_as_the_whole_it_shows(scene, source_is_half)
     assert face.max() < len(mesh_read.triangle_corners(source.data)[0])
 
 
-def test_halves_of_different_sides_are_matched_and_told_of(scene):
+def test_halves_of_different_sides_are_matched_as_the_modifier_shows_them(scene):
+    """What the target's half gets is of the half that the source's modifier adds, by the names of that."""
     source, target, moved = halves(scene, source_is_half=True, other_side=True)
+    source.vertex_groups.new(name="Arm.R")
+    near = np.flatnonzero(mesh_read.positions(source.data)[:, 0] > 0.5).tolist()
+    source.vertex_groups.new(name="Arm.L").add(near, 1.0, "REPLACE")
     assert bpy.ops.spectral_match.match() == {"FINISHED"}
-    assert "'Target' and 'Source' are modelled on different sides" in notice.words
     found = read_attribute(target.data.attributes["match_position"])
-    assert np.linalg.norm(found - moved * (-1, 1, 1), axis=1).mean() < 0.02
+    assert np.linalg.norm(found - moved, axis=1).mean() < 0.02
+    transfer(source, target, kinds="groups")
+    assert {name for _, name in weights_of(target)} == {"Arm.R"} and not notice.words
 
 
-def test_a_source_whose_other_half_is_missing_is_told_of(scene):
+def applied(obj, name):
+    """A copy in which Blender applied the modifiers."""
+    copy = obj.copy()
+    copy.data, copy.name = obj.data.copy(), name
+    bpy.context.collection.objects.link(copy)
+    if copy.data.shape_keys is not None:
+        copy.shape_key_clear()
+    choose(copy)
+    for modifier in list(copy.modifiers):
+        bpy.ops.object.modifier_apply(modifier=modifier.name)
+    return copy
+
+
+def store_image(source, target, axes):
+    """The known map: each vertex of the target is one of the half, in the mirrors behind which it lies."""
+    points, places = (mesh_read.positions(obj.data).astype(float) for obj in (source, target))
+    image = sum((places[:, axis] < -1e-6).astype(int) << bit for bit, axis in enumerate(axes))
+    places[:, axes] = np.abs(places[:, axes])
+    old = [int(np.linalg.norm(points - place, axis=1).argmin()) for place in places]
+    triangles = triangle_vertices(source.data)
+    face, corner = np.empty(len(points), int), np.empty(len(points), int)
+    for k in range(3):
+        face[triangles[:, k]], corner[triangles[:, k]] = np.arange(len(triangles)), k
+    store_map(source, target, face[old], np.eye(3)[corner[old]])
+    write_attribute(target.data, "match_image", "INT", "POINT", image)
+    return old, image
+
+
+@pytest.mark.parametrize("axes", [(0,), (0, 2)])
+def test_what_a_half_carries_is_what_its_modifier_shows(scene, axes):
+    """Onto the whole that Blender makes of it: weights, colours, UVs, normals and faces as they are there."""
+    vertices, faces = half()
+    if 2 in axes:
+        faces = faces[(vertices[faces, 2] >= -1e-9).all(axis=1)]
+        kept, faces = np.unique(faces, return_inverse=True)
+        vertices, faces = vertices[kept], faces.reshape(-1, 4)
+        vertices[np.abs(vertices[:, 2]) < 1e-9, 2] = 0.0
+    source = new_object("Source", vertices, faces)
+    rng = np.random.default_rng(3)
+    mesh = source.data
+    for name in ("Arm.L", "Arm.R", "Spine"):
+        group = source.vertex_groups.new(name=name)
+        # Above the threshold of Prune.
+        for vertex, weight in enumerate(rng.uniform(0.01, 1.0, len(vertices)).tolist()):
+            if name != "Arm.R":
+                group.add([vertex], weight, "REPLACE")
+    uv = mesh.uv_layers.new(name="Map", do_init=False)
+    seen = 0.4 + 0.1 * vertices[mesh_read.corner_vertices(mesh)][:, 1:]
+    uv.uv.foreach_set("vector", seen.astype(np.float32).ravel())
+    write_attribute(mesh, "Paint", "FLOAT_COLOR", "CORNER", rng.random((len(mesh.loops), 4)))
+    write_attribute(mesh, "Zone", "INT", "FACE", rng.integers(0, 5, len(mesh.polygons)))
+    mirrored(source, use_axis=[axis in axes for axis in range(3)], use_mirror_u=True)
+    whole = applied(source, "Whole")
+    target = new_object(
+        "Target", mesh_read.positions(whole.data), [f.vertices[:] for f in whole.data.polygons]
+    )
+    store_image(source, target, axes)
+    before = len(bpy.data.objects), len(bpy.data.meshes)
+    transfer(source, target, kinds="groups,uv,colours,attributes", split_bare=False)
+    assert (len(bpy.data.objects), len(bpy.data.meshes)) == before
+    found, expected = weights_of(target), weights_of(whole)
+    # Rows are scaled to their sum in single precision.
+    assert found == pytest.approx(expected, abs=1e-6)
+    # Where a vertex lies on the mirror, its triangle is that of one half: faces away from there are exact.
+    points = mesh_read.positions(target.data)
+    away = [f.index for f in target.data.polygons if (np.abs(points[list(f.vertices)][:, axes]) > 1e-4).all()]
+    corners = np.concatenate([list(target.data.polygons[f].loop_indices) for f in away])
+    np.testing.assert_allclose(
+        read_uv(target.data, "Map")[corners], read_uv(whole.data, "Map")[corners], atol=1e-5
+    )
+    for name, at in (("Paint", corners), ("Zone", away)):
+        found, expected = (read_attribute(obj.data.attributes[name])[at] for obj in (target, whole))
+        np.testing.assert_allclose(found, expected, atol=1e-5)
+
+
+def test_keys_of_a_half_move_both_sides(scene):
+    source = new_object("Source", *half())
+    points = mesh_read.positions(source.data).astype(float)
+    source.shape_key_add(name="Basis", from_mix=False)
+    key = source.shape_key_add(name="Lift", from_mix=False)
+    lift = np.stack([np.full(len(points), 0.1), 0.2 * points[:, 2], points[:, 0] ** 2], axis=1)
+    key.data.foreach_set("co", (points + lift).astype(np.float32).ravel())
+    mirrored(source)
+    whole = applied(source, "Whole")
+    target = new_object(
+        "Target", mesh_read.positions(whole.data), [f.vertices[:] for f in whole.data.polygons]
+    )
+    old, image = store_image(source, target, (0,))
+    transfer(source, target, kinds="keys")
+    own = target.data.shape_keys.key_blocks["Lift"]
+    moved = read_key(own) - read_key(own.relative_key)
+    expected = lift[old] * np.where(image[:, None] > 0, (-1, 1, 1), 1)
+    rim = np.abs(mesh_read.positions(target.data)[:, 0]) < ROUNDING
+    expected[rim, 0] = 0.0
+    # A displacement is turned by frames that are averaged over neighbours; the map is the identity.
+    np.testing.assert_allclose(moved, expected, atol=1e-4)
+
+
+def test_a_mirror_that_was_taken_away_is_told_of(scene):
+    source = new_object("Source", *half())
+    mirrored(source)
+    whole = applied(source, "Whole")
+    target = new_object(
+        "Target", mesh_read.positions(whole.data), [f.vertices[:] for f in whole.data.polygons]
+    )
+    store_image(source, target, (0,))
+    source.vertex_groups.new(name="A").add([0], 1.0, "REPLACE")
+    source.modifiers.clear()
+    with pytest.raises(RuntimeError, match="Match again"):
+        transfer(source, target, kinds="groups")
+
+
+def test_the_whole_gets_a_rig_with_both_sides_from_a_half(scene):
     source, target, _ = halves(scene, source_is_half=True)
     target.modifiers.clear()
+    whole_vertices, whole_faces = whole()
+    target = new_object("Whole", whole_vertices, whole_faces)
+    target.matrix_world = PLACE
+    rig = symmetric_rig(source)
+    choose(source, target)
     assert bpy.ops.spectral_match.match() == {"FINISHED"}
-    assert "'Source' is completed by a Mirror modifier" in notice.words
+    transfer(source, target, kinds="groups,armature")
+    assert not notice.words
+    fitted = target.find_armature()
+    for bone, own in zip(rig.data.bones, fitted.data.bones, strict=True):
+        for point, at in ((own.head_local, bone.head_local), (own.tail_local, bone.tail_local)):
+            assert (fitted.matrix_world @ point - PLACE @ at).length < 0.05, bone.name
 
 
 def symmetric_rig(source):

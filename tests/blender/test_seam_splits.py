@@ -8,10 +8,10 @@ from conftest import lumpy, new_object, triangle_vertices
 from mathutils.bvhtree import BVHTree
 from test_transfer import store_nearest, transfer
 
-from addon import mesh_read, stored_match
+from addon import mesh_read, notice, stored_match
 from addon.mesh_write import read_attribute, write_attribute
+from addon.transfer.layouts import read_uv
 from addon.transfer.shape_keys import read_key
-from addon.transfer.uv_maps import read_uv
 from addon.transfer.vertex_groups import read_weights
 
 TEXELS = 2048
@@ -185,3 +185,26 @@ def test_a_sculpt_in_levels_is_not_split(bodies):
     target.modifiers.new("Levels", "MULTIRES")
     with pytest.raises(RuntimeError, match="Multiresolution"):
         transfer(source, target, kinds="uv", split_seams=True)
+
+
+def test_a_target_that_is_not_unwrapped_is_split_at_seams(bodies):
+    source, target = bodies
+    count = len(target.data.vertices)
+    transfer(source, target, kinds="uv")
+    assert len(target.data.vertices) == count
+    target.data.uv_layers.remove(target.data.uv_layers["Own"])
+    target.data.uv_layers.remove(target.data.uv_layers["Map"])
+    transfer(source, target, kinds="uv", split_bare=False)
+    assert len(target.data.vertices) == count
+    transfer(source, target, kinds="uv")
+    assert len(target.data.vertices) > count and "were split along seams" in notice.words
+
+
+def test_a_sculpt_in_levels_that_is_not_unwrapped_is_left_whole(bodies):
+    source, target = bodies
+    target.data.uv_layers.remove(target.data.uv_layers["Own"])
+    target.modifiers.new("Levels", "MULTIRES")
+    count = len(target.data.vertices)
+    transfer(source, target, kinds="uv")
+    assert len(target.data.vertices) == count and "left whole" in notice.words
+    assert "Map" in target.data.uv_layers

@@ -13,9 +13,9 @@ from test_transfer import ball, store_map, store_nearest, transfer, weights_of, 
 from addon import mesh_read, notice
 from addon.mesh_write import read_attribute, write_attribute
 from addon.transfer import companions
+from addon.transfer.layouts import read_uv
 from addon.transfer.normals import corner_normals
 from addon.transfer.shape_keys import read_key
-from addon.transfer.uv_maps import read_uv
 
 
 def store_copy(source, target, old):
@@ -226,6 +226,43 @@ def test_custom_normals_turn_with_the_body(copies):
     expected = given[old][mesh_read.corner_vertices(target.data)] @ rotation.T
     # Blender keeps two angles in 16 bits each: on the source and once more on the target.
     assert np.linalg.norm(found - expected, axis=1).max() < 2 * rounding < 0.01
+
+
+@pytest.mark.parametrize("moved", [False, True])
+def test_normals_of_a_whole_are_exact_on_pieces_that_lie_on_it(scene, moved):
+    """Whatever the map is off, hard edges included; so the pieces show no seam where they meet."""
+    vertices, faces = lumpy()
+    source = new_object("Source", vertices, faces)
+    source.data.shade_smooth()
+    rng = np.random.default_rng(2)
+    sharp = rng.random(len(source.data.edges)) < 0.2
+    write_attribute(source.data, "sharp_edge", "BOOLEAN", "EDGE", sharp)
+    lean = corner_normals(source.data) + rng.normal(size=(len(source.data.loops), 3)) * 0.1
+    lean /= np.linalg.norm(lean, axis=1, keepdims=True)
+    source.data.normals_split_custom_set(lean.tolist())
+    given, rounding = corner_normals(source.data), 2e-3
+    above = vertices[:, 2] > -0.2
+    for chosen in (above, ~above):
+        kept = [number for number, face in enumerate(faces) if chosen[face].sum() >= 2 + (chosen is above)]
+        used, corners = np.unique(np.array(faces)[kept], return_inverse=True)
+        places = turned(vertices[used]) if moved else vertices[used]
+        piece = new_object("Piece", places, corners.reshape(-1, 4).tolist())
+        piece.data.shade_smooth()
+        # A map that is off by an edge at every third vertex.
+        edges = np.array([edge.vertices[:] for edge in source.data.edges])
+        neighbour = np.arange(len(vertices))
+        neighbour[edges[:, 0]] = edges[:, 1]
+        triangles = triangle_vertices(source.data)
+        face, corner = np.empty((2, len(vertices)), int)
+        for k in range(3):
+            face[triangles[:, k]], corner[triangles[:, k]] = np.arange(len(triangles)), k
+        images = np.where(np.arange(len(used)) % 3, used, neighbour[used])
+        store_map(source, piece, face[images], np.eye(3)[corner[images]])
+        transfer(source, piece, kinds="normals")
+        rotation = (turned(np.eye(3)) - turned(np.zeros((1, 3)))).T if moved else np.eye(3)
+        expected = given.reshape(-1, 4, 3)[kept].reshape(-1, 3) @ rotation.T
+        # Blender keeps two angles in 16 bits each, on the source and once more on the piece.
+        assert np.linalg.norm(corner_normals(piece.data) - expected, axis=1).max() < 2 * rounding
 
 
 def test_materials_and_attributes_come_back_on_a_copy(copies):
@@ -985,16 +1022,17 @@ def test_a_mirrored_match_mirrors_rig_and_eyes_and_names(scene):
     for _ in range(2):
         transfer(source, target, kinds="groups,keys,armature,objects", mirror_names=True)
     fitted, named = target.find_armature(), {"mixamorig:LeftArm": "mixamorig:RightArm", "Arm.R": "Arm.L"}
+    named["hand_l_01"] = "hand_r_01"
     for bone in rig.data.bones:
         for end in ("head_local", "tail_local"):
             found = fitted.matrix_world @ getattr(fitted.data.bones[named.get(bone.name, bone.name)], end)
             np.testing.assert_allclose(found, np.array(getattr(bone, end)) * (-1, 1, 1), atol=1e-5)
-    assert [group.name for group in target.vertex_groups] == list(named.values())
+    assert [group.name for group in target.vertex_groups] == list(named.values())[:2]
     key = target.data.shape_keys.key_blocks[1]
     assert (key.name, key.vertex_group) == ("Blink.R", "Arm.L")
     seen = target.data.shape_keys.animation_data.drivers[0].driver.variables[0].targets[0]
     assert (seen.id, seen.bone_target) == (fitted, "Arm.L")
-    assert "left as they are: hand_l_01" in notice.words
+    assert not notice.words
     (copy,) = copies_of("Eye")
     assert (copy.parent, copy.parent_bone) == (fitted, "Arm.L")
     assert copy.vertex_groups.keys() == ["Arm.L"]
@@ -1504,3 +1542,33 @@ def test_rejected_vertices_are_filled_and_shown(scene):
         assert carried[v, "A"] + carried[v, "B"] == pytest.approx(1.0, abs=1e-6)
     shown = read_attribute(target.data.attributes["match_filled"])
     np.testing.assert_array_equal(np.flatnonzero(shown), wrong)
+
+
+def test_keys_that_move_nothing_on_the_target_are_left_out(scene):
+    """Those that it does not reach; not those that others build on, that are empty on purpose, or there."""
+    vertices, faces = lumpy()
+    above = vertices[:, 2] > -0.5
+    kept = [face for face in faces if above[face].all()]
+    used = np.unique(kept)
+    number = np.full(len(vertices), -1)
+    number[used] = np.arange(len(used))
+    source = new_object("Source", vertices, faces)
+    target = new_object("Target", vertices[used], number[np.array(kept)].tolist())
+    store_nearest(source, target)
+    low = np.where(vertices[:, 2:] < -0.9, 0.2, 0.0)
+    high = np.where(vertices[:, 2:] > 0.6, 0.2, 0.0)
+    for name, offsets in (("Low", low), ("High", high), ("Empty", 0.0), ("Base", low), ("Read", low)):
+        add_key(source, name, offsets)
+    add_key(source, "Upon", high).relative_key = source.data.shape_keys.key_blocks["Base"]
+    add_key(source, "Own", low)
+    add_key(target, "Own", 0.1)
+    driver = source.data.shape_keys.key_blocks["High"].driver_add("value").driver
+    seen = driver.variables.new().targets[0]
+    seen.id_type, seen.id, seen.data_path = "KEY", source.data.shape_keys, 'key_blocks["Read"].value'
+    transfer(source, target, kinds="keys")
+    keys = target.data.shape_keys.key_blocks.keys()
+    assert sorted(keys) == ["Base", "Basis", "Empty", "High", "Own", "Read", "Upon"]
+    assert "1 shape key moves nothing on 'Target' and was left out: Low" in notice.words
+    assert not offsets_of(target, "Own").any()
+    transfer(source, target, kinds="keys", skip_still=False)
+    assert "Low" in target.data.shape_keys.key_blocks and not notice.words

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Actions of an ID: which there are, copies of them for the target, and animation carried curve by curve."""
+
+import bpy
+import numpy as np
+
+from .copies import MADE_FROM, ORIGINAL, copied
+
+# Of every key of a curve: values in pairs, plain numbers, and choices, which are numbers to `foreach_get`.
+KEY_PAIRS = ("co", "handle_left", "handle_right")
+KEY_NUMBERS = ("amplitude", "period", "back")
+KEY_CHOICES = ("interpolation", "easing", "handle_left_type", "handle_right_type", "type")
+CURVE_SETTINGS = ("extrapolation", "color_mode", "color", "lock", "mute", "hide", "auto_smoothing")
+# How an action is laid over the tracks below it.
+BLENDING = ("action_blend_type", "action_extrapolation", "action_influence", "use_nla")
+TRACK_SETTINGS = ("name", "mute", "lock")
+# Reach before extents: Blender keeps a strip's end behind its begin.
+STRIP_SETTINGS = (
+    "name", "action_frame_start", "action_frame_end", "scale", "repeat", "frame_start", "frame_end",
+    "blend_type", "extrapolation", "use_auto_blend", "blend_in", "blend_out", "use_reverse", "influence",
+    "mute",
+)  # fmt: skip
+
+
+def actions_of(holder):
+    """Actions that animate an ID, in its NLA strips too, each once."""
+    return list(dict.fromkeys(user.action for user in action_users(holder) if user.action is not None))
+
+
+def own_actions(holder, actions):
+    """Exchange these actions of an ID for copies; returns the copies."""
+    made = {action: copied(action) for action in actions}
+    for user in action_users(holder):
+        if user.action in made:
+            _give(user, made[user.action], getattr(user, "action_slot", None))
+    for action in actions:
+        if not action.users:
+            bpy.data.actions.remove(action)
+    return list(made.values())
+
+
+def action_users(holder):
+    """What of an ID's animation has an action: itself and its NLA strips."""
+    held = holder.animation_data
+    return [] if held is None else [held, *(strip for track in held.nla_tracks for strip in track.strips)]
+
+
+def curve_lists(action, slot=None):
+    """The lists that hold an action's curves: all, or those of a slot, which there are from Blender 4.4."""
+    if not hasattr(action, "layers"):
+        return [action.fcurves]
+    return [
+        bag.fcurves
+        for layer in action.layers
+        for strip in layer.strips
+        for bag in strip.channelbags
+        if slot is None or bag.slot_handle == slot.handle
+    ]
+
+
+def curves_used(user):
+    """The curves by which an ID's animation, or a strip of it, moves the ID."""
+    slot = getattr(user, "action_slot", None)
+    if user.action is None or (hasattr(user, "action_slot") and slot is None):
+        return []
+    return [curve for curves in curve_lists(user.action, slot) for curve in curves]
+
+
+def carry_animation(given, own, path_of, target):
+    """Give an ID copies of another one's animated properties: `path_of(path)` is the own path, or None.
+
+    Curves of the same paths are replaced in an action that was made so before; one of the artist is copied,
+    gets them in the copy, and stays in the file.
+    """
+    if given.animation_data is None and own.animation_data is None:
+        return
+    held = own.animation_data or own.animation_data_create()
+    wanted = _wanted(given.animation_data, path_of)
+    if wanted:
+        for setting in BLENDING if held.action is None else ():
+            setattr(held, setting, getattr(given.animation_data, setting))
+        action, curves = _curves_of(held, given.animation_data.action, own, target)
+        _fill(curves, wanted)
+        _mark(action, given.animation_data.action)
+    _carry_tracks(given.animation_data, held, path_of, own, target)
+
+
+def _wanted(user, path_of):
+    """The curves of a user of an action, by their own path and place in it."""
+    found = {}
+    for curve in curves_used(user) if user is not None else ():
+        path = path_of(curve.data_path)
+        if path is not None:
+            found[path, curve.array_index] = curve
+    return found
+
+
+def _curves_of(held, original, own, target):
+    """An action of the target's own, made from another one, and the list of its curves for this ID."""
+    before, slot = held.action, getattr(held, "action_slot", None)
+    if before is not None and MADE_FROM in before and before.users == 1:
+        action = before
+    elif before is not None:
+        action = copied(before)
+        before.use_fake_user = True
+        _give(held, action, slot)
+    else:
+        action = bpy.data.actions.new(f"{original.name} {target.name}")
+        held.action = action
+    return action, _curve_list(held, action, own)
+
+
+def _curve_list(user, action, own):
+    """The list of an action's curves for an ID, made where it is missing."""
+    if not hasattr(action, "layers"):
+        return action.fcurves
+    slot = user.action_slot or action.slots.new(id_type=own.id_type, name=own.name)
+    user.action_slot = slot
+    layer = action.layers[0] if action.layers else action.layers.new("Layer")
+    strip = layer.strips[0] if layer.strips else layer.strips.new(type="KEYFRAME")
+    return strip.channelbag(slot, ensure=True).fcurves
+
+
+def _give(user, action, slot):
+    """Let an animation or strip use an action, by the slot that is there called as `slot`."""
+    user.action = action
+    if slot is not None:
+        user.action_slot = action.slots[slot.identifier]
+
+
+def _mark(action, original):
+    action[MADE_FROM], action[ORIGINAL] = original.name, original
+
+
+def _fill(curves, wanted):
+    """Put copies of these curves into a list, in place of those of their paths."""
+    for curve in [curve for curve in curves if (curve.data_path, curve.array_index) in wanted]:
+        curves.remove(curve)
+    for (path, index), curve in wanted.items():
+        copy_keys(curve, curves.new(path, index=index))
+
+
+def copy_keys(curve, own):
+    """Keys, settings and modifiers of a curve for another one, which is empty."""
+    for setting in CURVE_SETTINGS:
+        setattr(own, setting, getattr(curve, setting))
+    own.keyframe_points.add(len(curve.keyframe_points))
+    # Places last: settings and kinds of handles let Blender move these.
+    for names, width, number in ((KEY_CHOICES, 1, np.int32), (KEY_NUMBERS, 1, np.float32)):
+        for name in names:
+            _copy_values(curve.keyframe_points, own.keyframe_points, name, width, number)
+    for name in KEY_PAIRS:
+        _copy_values(curve.keyframe_points, own.keyframe_points, name, 2, np.float32)
+    for modifier in curve.modifiers:
+        made = own.modifiers.new(modifier.type)
+        for prop in modifier.bl_rna.properties:
+            if not prop.is_readonly and prop.type in {"BOOLEAN", "INT", "FLOAT", "ENUM", "STRING"}:
+                setattr(made, prop.identifier, getattr(modifier, prop.identifier))
+
+
+def _copy_values(points, own, name, width, number):
+    values = np.empty(len(points) * width, number)
+    points.foreach_get(name, values)
+    own.foreach_set(name, values)
+
+
+def _carry_tracks(given, held, path_of, own, target):
+    """NLA tracks with copies of the strips that move what is carried, in place of those made before."""
+    made_before = [
+        track
+        for track in held.nla_tracks
+        if len(track.strips) and all(strip.action and MADE_FROM in strip.action for strip in track.strips)
+    ]
+    for track in made_before:
+        actions = [strip.action for strip in track.strips]
+        held.nla_tracks.remove(track)
+        for action in actions:
+            if not action.users:
+                bpy.data.actions.remove(action)
+    for track in given.nla_tracks if given is not None else ():
+        strips = [(strip, _wanted(strip, path_of)) for strip in track.strips if strip.type == "CLIP"]
+        strips = [(strip, wanted) for strip, wanted in strips if wanted]
+        if not strips:
+            continue
+        own_track = held.nla_tracks.new()
+        for setting in TRACK_SETTINGS:
+            setattr(own_track, setting, getattr(track, setting))
+        for strip, wanted in strips:
+            action = bpy.data.actions.new(f"{strip.action.name} {target.name}")
+            _mark(action, strip.action)
+            own_strip = own_track.strips.new(strip.name, int(strip.frame_start), action)
+            _fill(_curve_list(own_strip, action, own), wanted)
+            for setting in STRIP_SETTINGS:
+                setattr(own_strip, setting, getattr(strip, setting))
