@@ -28,6 +28,7 @@ ROOMS = (
     "matching::refinement",
     "matching::ranking",
     "matching::symmetry",
+    "matching::detail",
     "matching::result",
     "matching::completed",
     "matching::partial",

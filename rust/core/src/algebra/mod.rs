@@ -3,7 +3,9 @@
 //! Knows nothing of surfaces. Comes in: numbers and points. Goes out: products, factors, similarities, nearest rows.
 
 pub mod closest;
+pub mod conjugate_gradients;
 pub mod dense;
+pub mod oriented_tree;
 pub(crate) mod packed;
 pub mod similarity;
 pub mod space_tree;

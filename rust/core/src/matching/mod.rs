@@ -2,6 +2,7 @@
 
 mod choice;
 mod completed;
+pub(crate) mod detail;
 pub(crate) mod partial;
 pub mod problem;
 mod published;

@@ -10,6 +10,7 @@ use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector;
 use crate::baselines::Convergence;
 use crate::error::Result;
+use crate::matching::detail;
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::Coverage;
 use crate::matching::ranking::{Hypothesis, Metrics};
@@ -162,7 +163,10 @@ pub(in crate::matching) fn dense_map(
         },
         || functional_map(source, target, images, back, check),
     );
-    let (points, functional_map) = (points?, functional_map?);
+    let (mut points, functional_map) = (points?, functional_map?);
+    if source.is_simplified() || target.is_simplified() {
+        points = detail::refined(source.given_mesh(), target.given_mesh(), &points, check)?;
+    }
     let trust = match &target.full {
         Some(full) => full.carried(&trust, &target.mesh),
         None => trust,
