@@ -1,6 +1,8 @@
 """The pages of the repository say what is so: links lead somewhere, examples run."""
 
 import re
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -75,3 +77,52 @@ def test_readme_states_the_recorded_figures():
     for name, pairs, ours, *_ in stated:
         digits = len(ours.partition(".")[2])
         assert (pairs, float(ours)) == (recorded[name][1], round(float(recorded[name][2]), digits)), name
+
+
+def test_tables_are_those_of_the_results():
+    """The script tells which page differs; it writes them without `--check`."""
+    run = subprocess.run(
+        [sys.executable, str(ROOT / ".ci" / "tables.py"), "--check"], capture_output=True, text=True
+    )
+    assert run.returncode == 0, run.stdout + run.stderr
+
+
+CORE = ROOT / "rust" / "core" / "src"
+
+
+def test_the_reference_names_files_and_settings_that_there_are():
+    page = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
+    sources = "\n".join(path.read_text(encoding="utf-8") for path in CORE.rglob("*.rs"))
+    files = set(re.findall(r"`([a-z_/]+\.rs)`", page))
+    settings = set(re.findall(r"`([A-Z][A-Z0-9_]{2,})`", page))
+    assert files and settings
+    missing = {name for name in files if not (CORE / name).is_file()}
+    missing |= {name for name in settings if not re.search(rf"\b{name}\b", sources)}
+    for owner, field in re.findall(r"`([A-Z][A-Za-z]+)::(\w+)`", page):
+        if not re.search(rf"\bstruct {owner}\b", sources) or not re.search(
+            rf"\bpub {field}\b|fn {field}\b", sources
+        ):
+            missing.add(f"{owner}::{field}")
+    assert not missing, f"docs/method.md names what the core does not have: {sorted(missing)}"
+
+
+def test_every_room_has_a_section_of_the_reference():
+    page = (ROOT / "docs" / "method.md").read_text(encoding="utf-8")
+    rooms = [path.name for path in CORE.iterdir() if path.is_dir() and path.name != "watch"]
+    assert rooms
+    assert not [room for room in rooms if f"`{room}/" not in page]
+
+
+def test_pages_state_what_is():
+    """History stands in decisions and in the changelog."""
+    diary = re.compile(
+        r"\bformerly\b|\bno longer\b|\bpreviously\b|\bwas measured before\b|\bbefore, \d|\bsince then\b"
+    )
+    pages = [page for page in (ROOT / "docs").rglob("*.md") if page.parent.name != "decisions"]
+    found = [
+        f"{page.name}: {line}"
+        for page in pages
+        for line in page.read_text(encoding="utf-8").splitlines()
+        if diary.search(line)
+    ]
+    assert not found
