@@ -71,10 +71,10 @@ def vertices_on_edges(v, f):
 
 
 def coincident_vertices(v, f):
-    """Two neighbours moved together: one vertex inside, and two triangles without an area."""
+    """Two neighbours moved together: two triangles without an area."""
     v = v.copy()
     v[f[10, 0]] = v[f[10, 1]]
-    return v, f, {"zero_area_faces": 2}
+    return v, f, {"bridging_faces": 2}
 
 
 def needles(v, f, length=1e-4):

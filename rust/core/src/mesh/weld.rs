@@ -6,6 +6,7 @@
 //! [`crate::spectrum::intrinsic_triangulation`] walks from each to the next around it, and [`crate::mesh::Mesh`] keeps
 //! them in one connected part.
 
+use super::edge_faces;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 
@@ -13,6 +14,9 @@ use crate::error::{Error, Result};
 /// of one vertex are equal to the last bit or to rounding in single precision, 6e-8 of their coordinates and a few times
 /// that after a node's transform; the closest distinct details of modelled characters are 1e-4 of their size.
 pub const WELD_TOLERANCE: f64 = 1e-6;
+
+/// Where more than this share of the faces lie on another, a sheet was given twice; a pinched edge leaves two of ten thousand.
+const DOUBLED: f64 = 0.01;
 
 /// Width of a cell of the grid in tolerances: three of four points, wherever they are, look into one cell only along an axis.
 const CELL: f64 = 8.0;
@@ -57,7 +61,8 @@ impl Welded {
     /// Welds the vertices of a mesh within [`WELD_TOLERANCE`].
     ///
     /// A vertex joins the first earlier class whose first vertex is within the tolerance. Vertices that are not finite
-    /// stay alone. Without two vertices at one place the result is what was given, faces without an area included.
+    /// stay alone, and unless a sheet was given twice those with faces all around: a surface that touches itself there is
+    /// not cut. Without two vertices at one place the result is what was given, faces without an area included.
     /// O(n); the same on every machine.
     ///
     /// # Errors
@@ -72,7 +77,11 @@ impl Welded {
                 });
             }
         }
-        let (class, first) = classes(vertices, faces);
+        let (mut class, mut first) = classes(vertices, faces, &|_| true);
+        if first.len() < vertices.len() && copies(faces, &class) <= DOUBLED * faces.len() as f64 {
+            let at_seam = at_boundary(vertices.len(), faces);
+            (class, first) = classes(vertices, faces, &|v| at_seam[v as usize]);
+        }
         if first.len() == vertices.len() {
             return Ok(Self {
                 vertices: vertices.to_vec(),
@@ -101,8 +110,44 @@ impl Welded {
     }
 }
 
-/// Class of each vertex, and first vertex of each class.
-fn classes(vertices: &[Point], faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
+/// How many faces have their corners where another has them.
+fn copies(faces: &[[u32; 3]], class: &[u32]) -> f64 {
+    let mut corners: Vec<[u32; 3]> = faces
+        .iter()
+        .map(|f| f.map(|v| class[v as usize]))
+        .filter(|[a, b, c]| a != b && b != c && c != a)
+        .map(|mut corners| {
+            corners.sort_unstable();
+            corners
+        })
+        .collect();
+    corners.sort_unstable();
+    let pairs = corners.windows(2).filter(|pair| pair[0] == pair[1]);
+    pairs.count() as f64
+}
+
+/// Which vertices are on an edge of one face, or on no face.
+fn at_boundary(vertices: usize, faces: &[[u32; 3]]) -> Vec<bool> {
+    let mut at_boundary = vec![true; vertices];
+    for &v in faces.iter().flatten() {
+        at_boundary[v as usize] = false;
+    }
+    let edges = edge_faces(faces.iter().copied());
+    for run in edges.chunk_by(|a, b| (a.0, a.1) == (b.0, b.1)) {
+        if let [alone] = run {
+            at_boundary[alone.0 as usize] = true;
+            at_boundary[alone.1 as usize] = true;
+        }
+    }
+    at_boundary
+}
+
+/// Class of each vertex, of those that may join another, and first vertex of each class.
+fn classes(
+    vertices: &[Point],
+    faces: &[[u32; 3]],
+    may_join: &dyn Fn(u32) -> bool,
+) -> (Vec<u32>, Vec<u32>) {
     let is_finite = |p: &Point| p.iter().all(|x| x.is_finite());
     let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
     let corners = faces.iter().flatten().map(|&v| &vertices[v as usize]);
@@ -129,7 +174,8 @@ fn classes(vertices: &[Point], faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
     for (v, p) in (0..).zip(vertices) {
         let place = [0, 1, 2].map(|i| p[i] / unit - origin[i]);
         let cell_at = |shift: f64| place.map(|x| ((x + shift) / cell + CELL_SHIFT).floor() as i64);
-        let found = is_finite(p)
+        let joins = is_finite(p) && may_join(v);
+        let found = joins
             .then(|| {
                 let near = |&c: &u32| vector::distance(places[c as usize], place) <= tolerance;
                 let cells = between(cell_at(-tolerance), cell_at(tolerance));
@@ -140,7 +186,7 @@ fn classes(vertices: &[Point], faces: &[[u32; 3]]) -> (Vec<u32>, Vec<u32>) {
             .flatten();
         class.push(found.unwrap_or(first.len() as u32));
         if found.is_none() {
-            table.add(is_finite(p).then(|| cell_at(0.0)));
+            table.add(joins.then(|| cell_at(0.0)));
             first.push(v);
             places.push(place);
         }
@@ -324,6 +370,24 @@ mod tests {
             let welded = Welded::of(&moved, &triangles).expect("faces in range");
             assert_eq!(welded.class, expected);
         }
+    }
+
+    #[test]
+    fn a_closed_surface_that_touches_itself_is_not_joined_there() {
+        // Two tetrahedra that share the place of one corner.
+        let corners = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let mirrored = corners.map(|p: Point| p.map(|x| -x));
+        let sides = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]];
+        let faces: Vec<[u32; 3]> = sides
+            .into_iter()
+            .chain(sides.map(|f| f.map(|v| v + 4)))
+            .collect();
+        let vertices = [corners, mirrored].concat();
+        let welded = Welded::of(&vertices, &faces).expect("faces in range");
+        assert!(!welded.has_joined());
+        // Without one side each has a boundary there.
+        let welded = Welded::of(&vertices, &faces[1..7]).expect("faces in range");
+        assert_eq!(welded.class[4], 0);
     }
 
     #[test]

@@ -23,7 +23,10 @@ impl Refined<'_> {
     /// # Errors
     /// [`crate::Error::NotFactorised`].
     pub fn low_map(&self, k: usize) -> Result<Mat<f64>> {
+        // A small mesh has fewer than are asked for.
         let [k_moving, k_still] = self.sizes(k);
+        let k_moving = k_moving.min(self.moving.most());
+        let k_still = k_still.min(self.still.most());
         match self.moving_is {
             Which::Target => {
                 let (rows, columns) = self.matrix.shape();
@@ -61,12 +64,7 @@ impl Refined<'_> {
     /// Rodolà, Cosmo, Bronstein, Torsello, Cremers, "Partial functional correspondence", 2017.
     pub(super) fn sizes(&self, k: usize) -> [usize; 2] {
         let area = self.lengths * self.lengths;
-        let size = |ratio: f64, side: &Side<'_>| {
-            let size = (k as f64 * ratio.min(1.0)).round().max(1.0) as usize;
-            // A small mesh has fewer than are asked for.
-            size.min(side.most())
-        };
-        [size(area, &self.moving), size(1.0 / area, &self.still)]
+        [area, 1.0 / area].map(|ratio| (k as f64 * ratio.min(1.0)).round().max(1.0) as usize)
     }
 
     /// Low-passed surface plus the smooth displacement that brings it onto the other.
