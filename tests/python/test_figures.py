@@ -198,3 +198,22 @@ def test_a_ground_does_not_make_a_figure(slender):
     assert not shape.figure.envelope and shape.report["dropped_components"] == 1
     alone, grounded = sgmds.match(body, body), sgmds.match(body, shape)
     np.testing.assert_array_equal(grounded.faces[: len(body[0])], alone.faces)
+
+
+def test_what_turns_onto_itself_is_said_and_never_green():
+    """A round bar, turned and renumbered: every turn about its axis is as good a map as the right one."""
+    around, along = 24, 40
+    angle, height = np.meshgrid(2 * np.pi * np.arange(around) / around, np.linspace(0, 4, along))
+    side = np.stack([np.cos(angle), np.sin(angle), height], axis=2).reshape(-1, 3)
+    vertices = np.concatenate([side, [[0, 0, 0], [0, 0, 4]]])
+    i, j = np.arange(around), (np.arange(around) + 1) % around
+    faces = [np.stack([j, i, np.full(around, len(side))], axis=1)]
+    for ring in around * np.arange(along - 1):
+        faces += [np.stack([ring + i, ring + j, ring + around + i], axis=1)]
+        faces += [np.stack([ring + j, ring + around + j, ring + around + i], axis=1)]
+    top = around * (along - 1)
+    faces = np.concatenate([*faces, np.stack([top + i, top + j, np.full(around, len(side) + 1)], axis=1)])
+    turn, _ = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))
+    corr = sgmds.match((vertices, faces), (vertices @ (turn * np.sign(np.linalg.det(turn))).T, faces))
+    assert corr.quality.grade != "green"
+    assert any("turned about an axis" in reason for reason in corr.quality.reasons)
