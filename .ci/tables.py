@@ -1,4 +1,4 @@
-"""Writes the tables of docs/accuracy.md and docs/speed.md from results/*.json, which hold what was recorded.
+"""Writes the tables of docs/accuracy.md and docs/speed.md from docs/results/*.json, which hold what was recorded.
 
     python .ci/tables.py
     python .ci/tables.py --check
@@ -21,7 +21,7 @@ from pathlib import Path
 from statistics import linear_regression, median
 
 ROOT = Path(__file__).resolve().parent.parent
-ACCURACY, SPEED = ROOT / "results" / "accuracy.json", ROOT / "results" / "speed.json"
+ACCURACY, SPEED = ROOT / "docs" / "results" / "accuracy.json", ROOT / "docs" / "results" / "speed.json"
 BLOCK = re.compile(r"(<!-- table: (.+?) -->\n)(.*?)(<!-- end of table -->)", re.DOTALL)
 NOTHING = "–"
 # What exact distances say is quoted where it is recorded.
@@ -287,7 +287,7 @@ def main() -> int:
             if not options.check:
                 page.write_text(new, encoding="utf-8")
     if options.check and stale:
-        print(f"{', '.join(stale)}: other than results/*.json, run python .ci/tables.py")
+        print(f"{', '.join(stale)}: other than docs/results/*.json, run python .ci/tables.py")
         return 1
     return 0
 

@@ -527,3 +527,122 @@ fn extent(vertices: &[Point]) -> f64 {
         })
         .fold(0.0, f64::max)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matching::ranking::quality::Grade;
+    use crate::testing::{RINGS, torus_mesh};
+
+    type Soup = (Vec<Point>, Vec<[i64; 3]>);
+
+    fn joined(parts: &[Soup]) -> Soup {
+        let (mut vertices, mut faces) = (Vec::new(), Vec::new());
+        for (own, corners) in parts {
+            let start = vertices.len() as i64;
+            vertices.extend_from_slice(own);
+            faces.extend(corners.iter().map(|f| f.map(|v| v + start)));
+        }
+        (vertices, faces)
+    }
+
+    /// The torus in four pieces, each of which ends where the next begins, with a gap between them.
+    fn plates() -> Soup {
+        const PLATES: usize = 4;
+        let (vertices, faces) = torus_mesh(RINGS, &[], 0.0);
+        let plate = |f: &[i64; 3]| f.map(|v| v as usize * PLATES / vertices.len());
+        let parts: Vec<Soup> = (0..PLATES)
+            .map(|n| {
+                let own = faces.iter().filter(|f| plate(f) == [n; 3]);
+                (vertices.clone(), own.copied().collect())
+            })
+            .collect();
+        joined(&parts)
+    }
+
+    fn figure((vertices, faces): &Soup) -> Figure {
+        let progress = Progress::default();
+        Figure::new(
+            vertices,
+            faces,
+            Metric::Euclidean,
+            &progress,
+            &|_, _| Ok(()),
+        )
+        .expect("a sound figure")
+    }
+
+    fn map(source: &Figure, target: &Figure) -> FigureMap {
+        let progress = Progress::default();
+        match_figures(source, target, &Options::default(), &progress, &|_, _| {
+            Ok(())
+        })
+        .expect("a map")
+    }
+
+    #[test]
+    fn plates_are_matched_as_the_whole_that_they_make() {
+        let (whole, plates) = (torus_mesh(RINGS, &[], 0.0), plates());
+        let (source, target) = (figure(&whole), figure(&plates));
+        assert!(target.is_wrapped() && target.pieces == 4);
+        let found = map(&source, &target);
+        let mut away: Vec<f64> = Vec::new();
+        for (v, (&face, weights)) in found
+            .map
+            .faces
+            .iter()
+            .zip(&found.map.barycentric)
+            .enumerate()
+        {
+            let used = plates.1.iter().flatten().any(|&u| u as usize == v);
+            if used {
+                let corners = whole.1[face as usize].map(|u| whole.0[u as usize]);
+                let image = crate::transfer::surface::blend(corners, *weights);
+                away.push(vector::distance(image, plates.0[v]));
+            }
+        }
+        away.sort_by(f64::total_cmp);
+        // The torus is 2.8 wide, a cell of the envelope's grid 0.02.
+        assert!(away[away.len() / 2] < 0.05, "{}", away[away.len() / 2]);
+        assert!(found.unknown < 0.05);
+    }
+
+    #[test]
+    fn what_stands_apart_leaves_the_largest_piece_as_it_is() {
+        let body = torus_mesh(RINGS, &[], 0.0);
+        let apart = body
+            .0
+            .iter()
+            .map(|p| [0.5 * p[0] + 4.0, 0.5 * p[1], 0.5 * p[2]]);
+        let both = joined(&[body.clone(), (apart.collect(), body.1.clone())]);
+        let (alone, beside) = (figure(&body), figure(&both));
+        assert!(!beside.is_wrapped());
+        let (first, second) = (map(&alone, &alone), map(&alone, &beside));
+        let count = body.0.len();
+        assert_eq!(first.map.faces[..], second.map.faces[..count]);
+        assert_eq!(first.map.barycentric[..], second.map.barycentric[..count]);
+        // A fifth of what is seen is the other one.
+        assert!((second.unknown - 0.2).abs() < 0.03, "{}", second.unknown);
+        let (grade, reasons) = graded(&second, &alone, &beside);
+        assert!(
+            grade != Grade::Green && reasons.iter().any(|r| r.contains("20 % of what is seen"))
+        );
+    }
+
+    #[test]
+    fn a_ground_is_a_backdrop_and_a_plate_is_not() {
+        let body = torus_mesh(RINGS, &[], 0.0);
+        let square = |half: f64| -> Soup {
+            let corners = [[-half, -half], [half, -half], [half, half], [-half, half]];
+            let vertices = corners.map(|[x, y]| [x, y, -1.0]).to_vec();
+            (vertices, vec![[0, 1, 2], [0, 2, 3]])
+        };
+        for (half, is_ground) in [(3.0, true), (0.5, false)] {
+            let (vertices, faces) = joined(&[body.clone(), square(half)]);
+            let faces = checked_faces(vertices.len(), &faces).expect("faces in range");
+            let welded = Welded::of(&vertices, &faces).expect("faces in range");
+            let (piece, count) = pieces(&welded);
+            assert_eq!(backdrops(&welded, &piece, count), [false, is_ground]);
+        }
+    }
+}
