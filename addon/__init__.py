@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spectral Match: dense correspondences between two characters, and data carried across them."""
 
+import atexit
+
 import bpy
 
 from . import (
@@ -31,9 +33,13 @@ def register():
     overlay.register()
     manual.register()
     command_line.register()
+    # Blender disables add-ons when it ends, but as a Python module it knows only those that it enabled. It
+    # cannot free classes, properties and commands after Python has ended: it crashes, or waits for ever.
+    atexit.register(unregister)
 
 
 def unregister():
+    atexit.unregister(unregister)
     step.end_all(bpy.context)
     command_line.unregister()
     manual.unregister()

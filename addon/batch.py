@@ -269,11 +269,19 @@ def _pairs(context, job, request, pairing, brought):
             request.tell(f"{pairing.source} to {pattern}: {missing['reason']}")
             entries.append(missing)
             continue
-        for target in targets:
-            if target.name not in met:
-                met.add(target.name)
-                entries.append(_pair(context, job, request, source, target))
+        for target, place in targets:
+            if target not in met:
+                met.add(target)
+                with context.temp_override(**place):
+                    entries.append(_pair(bpy.context, job, request, source, target))
     return entries
+
+
+def _places(context):
+    """All scenes and view layers of the file, those of the context first, as a context is told of them."""
+    shown = [(context.scene, context.view_layer)]
+    shown += [(scene, layer) for scene in bpy.data.scenes for layer in scene.view_layers]
+    return [{"scene": scene, "view_layer": layer} for scene, layer in dict.fromkeys(shown)]
 
 
 def _came(brought):
@@ -283,11 +291,11 @@ def _came(brought):
 
 def _source(context, job, name, brought, with_objects):
     """The source object. From another file it comes with its rig and, if asked, what else hangs on it."""
-    objects = context.view_layer.objects
     if job.source_file is None:
-        if name not in objects:
-            raise UnusableObjectError(f"There is no object named '{name}' in the view layer of this file")
-        return objects[name]
+        for place in _places(context):
+            if name in place["view_layer"].objects:
+                return place["view_layer"].objects[name]
+        raise UnusableObjectError(f"There is no object named '{name}' in any scene of this file")
     if name in brought:
         return brought[name][0]
     with bpy.data.libraries.load(str(job.source_file), link=False) as (there, here):
@@ -316,11 +324,15 @@ def _remove(brought):
 
 
 def _targets(context, pattern, sources, hanging):
-    """Mesh objects that the pattern means; `sources` are left out.
+    """Mesh objects that the pattern means, in whichever scene, each with its place; `sources` are left out.
 
     Wildcards mean neither what the source brings along (`hanging`) nor what was made for a target from that.
     """
-    candidates = [obj for obj in context.view_layer.objects if obj.type == "MESH" and obj not in sources]
+    candidates = {}
+    for place in _places(context):
+        for obj in place["view_layer"].objects:
+            if obj.type == "MESH" and obj not in sources:
+                candidates.setdefault(obj, place)
     named = [obj for obj in candidates if obj.name == pattern]
     named = named or [
         obj
@@ -328,8 +340,8 @@ def _targets(context, pattern, sources, hanging):
         if fnmatchcase(obj.name, pattern) and MADE_FROM not in obj and obj not in hanging
     ]
     if not named:
-        raise UnusableObjectError(f"There is no mesh named '{pattern}' in the view layer of this file")
-    return named
+        raise UnusableObjectError(f"There is no mesh named '{pattern}' in any scene of this file")
+    return [(obj, candidates[obj]) for obj in named]
 
 
 def _pair(context, job, request, source, target):

@@ -11,6 +11,7 @@ class CoreMissingError(Exception):
 def load():
     """Return the `sgmds` module; raises `CoreMissingError` where it cannot be imported."""
     try:
+        importlib.import_module("sgmds._core")
         return importlib.import_module("sgmds")
     except ImportError as reason:
         raise CoreMissingError(

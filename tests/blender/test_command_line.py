@@ -96,6 +96,59 @@ def test_wildcards_leave_out_what_is_made_on_the_way(known, tmp_path):
     assert [pair["target"] for pair in done["pairs"]] == ["Target", "Second"]
 
 
+def second_scene(*objects, name="Second"):
+    """Moves objects into a scene of their own, which is not the one that is open."""
+    scene = bpy.data.scenes.new(name)
+    for obj in objects:
+        scene.collection.objects.link(obj)
+        for collection in obj.users_collection:
+            if collection != scene.collection:
+                collection.objects.unlink(obj)
+    return scene
+
+
+@pytest.mark.parametrize("moved", ["Hero", "Orc", "both"])
+def test_objects_are_found_in_all_scenes(files, tmp_path, moved):
+    """Source, target or both in a scene that is not the open one, with a rig, which is edited there."""
+    bpy.ops.wm.open_mainfile(filepath=str(files / "hero.blend"))
+    hero = bpy.data.objects["Hero"]
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    bpy.context.collection.objects.link(rig)
+    bpy.context.view_layer.objects.active = rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    bone = rig.data.edit_bones.new(WEIGHTS)
+    bone.head, bone.tail = (0, 0, -0.5), (0, 0, 0.5)
+    bpy.ops.object.mode_set(mode="OBJECT")
+    hero.modifiers.new("Armature", "ARMATURE").object = rig
+    vertices, faces = lumpy(8)
+    shuffled, other_faces, _ = renumbered(vertices, faces)
+    orc = new_object("Orc", turned(shuffled), other_faces)
+    second_scene(*{"Hero": (hero, rig), "Orc": (orc,), "both": (hero, rig, orc)}[moved])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "scenes.blend"))
+    output = tmp_path / "out.blend"
+    words = ["batch", "--source", "Hero", "--target", "O*", "--transfer", "groups,armature"]
+    assert command_line.run([*words, "--output", str(output)]) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(output))
+    orc = bpy.data.objects["Orc"]
+    assert {scene.name for scene in orc.users_scene} == {"Second" if moved != "Hero" else "Scene"}
+    fitted = next(modifier.object for modifier in orc.modifiers if modifier.type == "ARMATURE")
+    assert fitted != bpy.data.objects["Rig"] and fitted.users_scene == orc.users_scene
+    assert WEIGHTS in orc.vertex_groups and 0.05 < np.std(weights(orc))
+    hero = bpy.data.objects["Hero"]
+    assert {scene.name for scene in hero.users_scene} == {"Scene" if moved == "Orc" else "Second"}
+
+
+def test_a_source_of_another_file_reaches_all_scenes(files, tmp_path):
+    bpy.ops.wm.open_mainfile(filepath=str(files / "orc.blend"))
+    second_scene(bpy.data.objects["Orc"])
+    bpy.ops.wm.save_as_mainfile(filepath=str(tmp_path / "orc.blend"))
+    output = tmp_path / "out.blend"
+    words = ["batch", "--source", "Hero", "--source-file", str(files / "hero.blend"), "--target", "Orc"]
+    assert command_line.run([*words, "--transfer", "groups", "--output", str(output)]) == 0
+    bpy.ops.wm.open_mainfile(filepath=str(output))
+    assert WEIGHTS in bpy.data.objects["Orc"].vertex_groups and "Hero" not in bpy.data.objects
+
+
 def written(folder):
     return {path.name: path.stat().st_mtime_ns for path in folder.rglob("*")}
 

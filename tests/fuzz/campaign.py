@@ -19,6 +19,7 @@ from pathlib import Path
 HERE = Path(__file__).parent
 CORE = {"intake": 900, "restore": 480, "match": 300}
 READERS = {"map": 300, "shape": 300, "obj": 240, "off": 240, "ply": 240, "stl": 240, "glb": 240}
+READERS |= {"gz": 900, "accessors": 900, "toml": 900}
 # Seconds of the clock after which figures are noted. Instrumenting the readers takes half a minute itself.
 SLICE = 300
 FIGURES = Path("build/fuzz/figures.json")

@@ -1,5 +1,6 @@
 """Batches: what a manifest asks for is done once, whatever dies, and reported in the same bytes."""
 
+import contextlib
 import csv
 import json
 import os
@@ -257,6 +258,47 @@ def test_a_killed_run_is_taken_up_and_reports_the_same(meshes, cache, tmp_path, 
     same_report(folder, reference)
 
 
+@pytest.mark.parametrize("loaded", ["numpy/core", "_core.abi3", "matplotlib"])
+def test_an_interrupt_at_any_time_is_one_line(meshes, tmp_path, loaded):
+    """Ctrl-C reaches all processes of a terminal's group, also those that only begin."""
+    path = everyone(meshes, tmp_path)
+    command = [sys.executable, "-m", "sgmds.command", "batch", str(path), "--jobs", "2"]
+    process = subprocess.Popen(
+        [*command, "--cache", str(tmp_path / "cache")],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    # Where it is, by what it has loaded; matplotlib comes at the end.
+    while process.poll() is None and loaded not in Path(f"/proc/{process.pid}/maps").read_text():
+        time.sleep(0.005)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGINT)
+    _, words = process.communicate(timeout=60)
+    assert (process.returncode, words) in ((130, "cancelled\n"), (0, ""))
+
+
+def test_a_full_disk_ends_in_words(meshes, tmp_path):
+    path = everyone(meshes, tmp_path)
+    code = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (2000,) * 2); "
+    code += "from sgmds.command import main; sys.exit(main())"
+    command = [
+        sys.executable,
+        "-c",
+        code,
+        "batch",
+        str(path),
+        "--jobs",
+        "1",
+        "--cache",
+        str(tmp_path / "cache"),
+    ]
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 1
+    assert "File too large" in done.stderr.splitlines()[-1] and "Traceback" not in done.stderr
+    assert "Exception ignored" not in done.stderr
+
+
 def test_only_what_changed_is_done_again(meshes, cache, tmp_path, reference):
     own = tmp_path / "meshes"
     own.mkdir()
@@ -376,6 +418,23 @@ def test_what_killed_workers_left_of_maps_is_removed(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == kept
 
 
+def test_names_are_no_formulas_in_the_tables(meshes, tmp_path, cache):
+    """Programs of tables compute a cell that begins with one of four signs, whoever wrote it."""
+    names = ["=1+1", "+2", "-3", "@sum", "plain"]
+    for name in names:
+        (tmp_path / f"{name}.off").symlink_to(meshes / "ant.off")
+    path = tmp_path / "batch.toml"
+    path.write_text("all_against_all = '*.off'\noptions = { method = 'paper' }\n")
+    assert main(["batch", str(path), "--cache", str(cache)]) == 0
+    for table in ("pairs.csv", "energy.csv"):
+        with open(tmp_path / "batch" / table, newline="") as file:
+            rows = list(csv.reader(file))
+        cells = [cell for row in rows for cell in row]
+        assert {f"'{name}" for name in names[:4]} | {"plain"} <= set(cells)
+        # What still begins with a sign is a number.
+        assert all(float(cell) < 0 for cell in cells if cell.startswith(("=", "+", "-", "@")))
+
+
 @pytest.mark.parametrize("name", ["pairs.csv", "distances.png", "report.json", "maps/ant--bee.npz"])
 def test_files_of_others_are_not_replaced(meshes, cache, tmp_path, capsys, name):
     path = everyone(meshes, tmp_path)
@@ -405,18 +464,44 @@ def test_a_missing_package_is_named_with_its_extra(meshes, cache, tmp_path, caps
     assert 'distributed is missing: pip install ".[batch]"' in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("module", ["trimesh", "matplotlib"])
-def test_a_package_that_every_pair_needs_is_missed_once_and_at_the_start(
-    meshes, cache, tmp_path, capsys, monkeypatch, module
-):
-    (tmp_path / "a.stl").touch()
-    path = everyone(meshes, tmp_path, pairs=[])
-    path.write_text(path.read_text().replace("pairs = []", '[[pairs]]\nsource = "a.stl"\ntarget = "a.stl"'))
-    monkeypatch.setitem(sys.modules, module, None)
+def test_a_package_that_the_report_needs_is_missed_at_the_start(meshes, cache, tmp_path, capsys, monkeypatch):
+    path = everyone(meshes, tmp_path)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
     assert main(["batch", str(path), "--cache", str(cache)]) == 1
     words = 'pip install ".[tools]" in a clone of the repository'
-    assert capsys.readouterr().err == f"sgmds: {module} is missing: {words}\n"
+    assert capsys.readouterr().err == f"sgmds: matplotlib is missing: {words}\n"
     assert not path.with_suffix("").exists()
+
+
+@pytest.mark.parametrize(
+    ("address", "is_refused"),
+    [
+        ("tcp://10.0.0.7:8786", True),
+        ("farm.example:8786", True),
+        ("ws://farm.example", True),
+        ("ucx://[2001:db8::1]:8786", True),
+        ("tcp://localhost.example:8786", True),
+        ("tls://farm.example:8786", False),
+        ("tcp://127.0.0.1:8786", False),
+        ("localhost:8786", False),
+        ("tcp://[::1]:8786", False),
+    ],
+)
+def test_an_open_scheduler_of_another_machine_is_refused(address, is_refused):
+    from sgmds.batch.scheduler import check_address
+
+    check_address(address, insecure=True)
+    if is_refused:
+        with pytest.raises(sgmds.ArgumentError, match="not encrypted.*tls://.*--insecure"):
+            check_address(address, insecure=False)
+    else:
+        check_address(address, insecure=False)
+
+
+def test_an_open_scheduler_is_refused_before_any_work(meshes, cache, tmp_path, capsys):
+    path = everyone(meshes, tmp_path)
+    assert main(["batch", str(path), "--scheduler", "tcp://10.0.0.7:8786", "--cache", str(cache)]) == 1
+    assert "not encrypted" in capsys.readouterr().err and not path.with_suffix("").exists()
 
 
 def test_no_scheduler_is_one_line(meshes, cache, tmp_path, capsys, monkeypatch):
@@ -445,6 +530,8 @@ def read(tmp_path, text, **more):
     ("text", "words"),
     [
         ("all_against_all = [", "not a TOML file"),
+        ("all_against_all = " + "[" * 5000 + "]" * 5000, "nested too deeply"),
+        ("#" * 10_000_001, "10,000,001 bytes, at most 10,000,000 are read"),
         ("", "nothing to do"),
         ("everybody = '*.off'", "unknown key 'everybody'"),
         ("all_against_all = 3", "cannot be 3"),

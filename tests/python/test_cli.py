@@ -193,8 +193,50 @@ def test_interrupt_is_status_130(files, tmp_path, monkeypatch, capsys):
     assert main(["match", good, good, "-o", str(tmp_path / "map.npz")]) == 130
 
 
+def test_an_interrupt_while_packages_load_is_one_line():
+    code = """
+import os, signal, sys
+from sgmds.command import main
+assert "numpy" not in sys.modules
+class Interrupting:
+    def find_spec(self, name, *_):
+        if name == "numpy":
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupting())
+sys.exit(main())
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "cancelled\n")
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="this system has no disk that is always full")
+@pytest.mark.parametrize("arguments", [["--version"], ["evaluate", "--help"], ["match"]])
+def test_a_full_disk_for_what_is_printed_is_one_line(files, tmp_path, arguments):
+    if arguments == ["match"]:
+        good = str(files / "slender.obj")
+        arguments += [good, good, "-o", str(tmp_path / "map.npz"), "--method", "functional-map"]
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "sgmds.command", *arguments]
+        # Unbuffered, the parser of arguments would keep the trouble with its help to itself.
+        given = {name: value for name, value in os.environ.items() if name != "PYTHONUNBUFFERED"}
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, text=True, env=given)
+    assert (done.returncode, done.stderr) == (1, "sgmds: standard output: No space left on device\n")
+
+
+def test_a_full_disk_for_the_map_is_one_line(files, tmp_path):
+    good = str(files / "slender.obj")
+    code = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (50_000,) * 2); "
+    code += "from sgmds.command import main; sys.exit(main())"
+    arguments = ["match", good, good, "-o", str(tmp_path / "map.npz"), "--method", "functional-map"]
+    done = subprocess.run([sys.executable, "-c", code, *arguments], capture_output=True, text=True)
+    assert done.returncode == 1
+    (line,) = done.stderr.splitlines()
+    assert line.startswith("sgmds: ") and "File too large" in line
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_import_needs_numpy_alone():
-    code = "import sys, sgmds; print({'scipy', 'trimesh', 'matplotlib', 'tqdm'} & set(sys.modules))"
+    code = "import sys, sgmds; print({'scipy', 'matplotlib', 'tqdm'} & set(sys.modules))"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "set()"
 
@@ -231,7 +273,7 @@ def test_threads_are_those_of_the_preparation_too(files, tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("module", "wanted"),
     [
-        ("trimesh", ".[tools]"),
+        ("matplotlib", ".[tools]"),
         ("distributed", ".[batch]"),
         ("pyFM", ".[peers]"),
         ("pygeodesic", "pygeodesic"),

@@ -2,13 +2,21 @@
 
 import gzip
 import json
+import os
+import signal
 import struct
+import subprocess
 import sys
+import time
+import tracemalloc
+import zlib
+from pathlib import Path
 
 import numpy as np
 import pytest
-from sgmds import MeshError, files
-from sgmds.files import read_mesh
+from sgmds import MeshError, NotEnoughMemory, _core, files, memory
+from sgmds.cli import main
+from sgmds.files import read_mesh, source
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], float)
 FAN = np.array([[0, 1, 2], [0, 2, 3]])
@@ -136,54 +144,339 @@ def test_stl_corners_are_joined(tmp_path):
     same(path)
 
 
-def test_glb(tmp_path):
-    trimesh = pytest.importorskip("trimesh")
-    path = tmp_path / "square.glb"
-    trimesh.Trimesh(SQUARE, FAN, process=False).export(path)
-    same(path)
+class Glb:
+    """A GLB file under construction: `header` may be changed at will before `bytes`."""
+
+    KINDS = {"i1": 5120, "u1": 5121, "i2": 5122, "u2": 5123, "u4": 5125, "f4": 5126}
+
+    def __init__(self):
+        self.body = b""
+        self.header = {
+            "asset": {"version": "2.0"},
+            "scene": 0,
+            "scenes": [{"nodes": [0]}],
+            "nodes": [{"mesh": 0}],
+        }
+        self.header |= {"bufferViews": [], "accessors": [], "meshes": []}
+
+    def accessor(self, values, width, **more):
+        """Stores an array; returns the number of its accessor."""
+        values = np.asarray(values)
+        view = {"buffer": 0, "byteOffset": len(self.body), "byteLength": values.nbytes}
+        self.header["bufferViews"].append(view)
+        self.body += values.tobytes() + bytes(-values.nbytes % 4)
+        entry = {"bufferView": len(self.header["bufferViews"]) - 1, "type": width, "count": len(values)}
+        entry["componentType"] = self.KINDS[values.dtype.str[1:]]
+        self.header["accessors"].append(entry | more)
+        return len(self.header["accessors"]) - 1
+
+    def mesh(self, vertices, faces=None, mode=None, **attributes):
+        """Adds a mesh of one primitive; returns its number."""
+        primitive = {"attributes": {"POSITION": self.accessor(vertices, "VEC3")} | attributes}
+        if faces is not None:
+            primitive["indices"] = self.accessor(np.ravel(faces), "SCALAR")
+        if mode is not None:
+            primitive["mode"] = mode
+        self.header["meshes"].append({"primitives": [primitive]})
+        return len(self.header["meshes"]) - 1
+
+    def bytes(self):
+        header = self.header | {"buffers": self.header.get("buffers", [{"byteLength": len(self.body)}])}
+        text = json.dumps(header).encode()
+        text += b" " * (-len(text) % 4)
+        chunks = struct.pack("<I4s", len(text), b"JSON") + text
+        chunks += struct.pack("<I4s", len(self.body), b"BIN\0") + self.body
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
 
 
-def glb(nodes, meshes, scene):
-    """A GLB in which primitive k is a triangle in the plane z = k."""
-    corners = [np.array([[0, 0, k], [1, 0, k], [0, 1, k]], "<f4") for k in range(sum(meshes))]
-    accessor = {"componentType": 5126, "count": 3, "type": "VEC3"}
-    numbers = iter(range(len(corners)))
-    header = {
-        "asset": {"version": "2.0"},
-        "buffers": [{"byteLength": 36 * len(corners)}],
-        "bufferViews": [{"buffer": 0, "byteOffset": 36 * k, "byteLength": 36} for k in range(len(corners))],
-        "accessors": [accessor | {"bufferView": k} for k in range(len(corners))],
-        "meshes": [
-            {"primitives": [{"attributes": {"POSITION": next(numbers)}} for _ in range(count)]}
-            for count in meshes
-        ],
-        "nodes": nodes,
-        "scenes": [{"nodes": scene}],
-        "scene": 0,
-    }
-    text = json.dumps(header).encode()
-    text += b" " * (-len(text) % 4)
-    body = b"".join(c.tobytes() for c in corners)
-    chunks = struct.pack("<I4s", len(text), b"JSON") + text + struct.pack("<I4s", len(body), b"BIN\0") + body
-    return struct.pack("<4sII", b"glTF", 2, 12 + len(chunks)) + chunks
+SQUARE4, FAN2 = SQUARE.astype("<f4"), FAN.astype("<u2")
+
+
+@pytest.fixture
+def square():
+    """A file of one square."""
+    glb = Glb()
+    glb.mesh(SQUARE4, FAN2)
+    return glb
+
+
+def written(tmp_path, glb):
+    path = tmp_path / "scene.glb"
+    path.write_bytes(glb.bytes() if isinstance(glb, Glb) else glb)
+    return path
+
+
+@pytest.mark.parametrize("kind", ["<u1", "<u2", "<u4"])
+def test_glb(tmp_path, kind):
+    glb = Glb()
+    glb.mesh(SQUARE4, FAN.astype(kind))
+    same(written(tmp_path, glb))
 
 
 def test_meshes_of_a_glb_come_in_the_order_of_its_nodes(tmp_path):
     """Siblings, nodes below one another, a mesh of three primitives, one mesh in two places, no names."""
-    pytest.importorskip("trimesh")
-    nodes = [
+    glb = Glb()
+    for k in range(6):
+        glb.mesh(np.array([[0, 0, k], [1, 0, k], [0, 1, k]], "<f4"))
+    # Mesh 2 has the triangles of 2, 3 and 4.
+    meshes = glb.header["meshes"]
+    meshes[2]["primitives"] += meshes[3]["primitives"] + meshes[4]["primitives"]
+    glb.header["scenes"] = [{"nodes": [1, 0]}]
+    glb.header["nodes"] = [
         {"name": "skin", "mesh": 0},
         {"name": "rig", "children": [3, 2]},
         {"name": "eye", "mesh": 1, "translation": [1, 0, 0]},
         {"mesh": 2, "children": [4, 5]},
-        {"mesh": 3},
+        {"mesh": 5},
         {"mesh": 1, "translation": [2, 0, 0]},
     ]
-    path = tmp_path / "scene.glb"
-    path.write_bytes(glb(nodes, [1, 1, 3, 1], [1, 0]))
+    scene = files.read_scene(written(tmp_path, glb))
+    np.testing.assert_array_equal(scene.faces, np.arange(21).reshape(7, 3))
+    assert scene.vertices[::3, [0, 2]].tolist() == [[0, 2], [0, 3], [0, 4], [0, 5], [2, 1], [1, 1], [0, 0]]
+    assert [(piece.name, len(piece.faces)) for piece in scene.pieces] == [
+        ("", 3),
+        ("", 1),
+        ("", 1),
+        ("eye", 1),
+        ("skin", 1),
+    ]
+    assert [face for piece in scene.pieces for face in piece.faces] == [*range(7)]
+
+
+def test_nodes_of_a_glb_carry_what_hangs_on_them(tmp_path):
+    """Turned, scaled unevenly and moved, by parts and by a matrix, one below the other."""
+    glb = Glb()
+    glb.mesh(SQUARE4, FAN2)
+    half = np.sqrt(0.5)
+    # A quarter turn about z: x becomes y.
+    glb.header["nodes"] = [
+        {"rotation": [0, 0, half, half], "scale": [2, 3, 4], "translation": [10, 0, 0], "children": [1]},
+        {"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 5, 1]},
+    ]
+    vertices, _ = read_mesh(written(tmp_path, glb))
+    expected = [[10 - 3 * y, 2 * x, 4 * (z + 5)] for x, y, z in SQUARE]
+    np.testing.assert_allclose(vertices, expected, atol=1e-12)
+
+
+def test_a_mirrored_node_of_a_glb_keeps_its_outside(tmp_path):
+    glb = Glb()
+    glb.mesh(SQUARE4, FAN2)
+    glb.header["nodes"] = [{"mesh": 0, "scale": [-1, 1, 1]}]
+    vertices, faces = read_mesh(written(tmp_path, glb))
+    # Seen from above the square still turns to the left.
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    assert vertices[:, 0].min() == -1 and (np.cross(b - a, c - a)[:, 2] > 0).all()
+
+
+def test_strips_and_fans_of_a_glb(tmp_path):
+    corners = np.array([[0, 0, 0], [0, 1, 0], [1, 0, 0], [1, 1, 0], [2, 0, 0]], "<f4")
+    expected = {5: [[0, 1, 2], [2, 1, 3], [2, 3, 4]], 6: [[0, 1, 2], [0, 2, 3], [0, 3, 4]]}
+    for mode, faces in expected.items():
+        for given in (None, np.arange(5, dtype="<u2")):
+            glb = Glb()
+            glb.mesh(corners, given, mode=mode)
+            _, found = read_mesh(written(tmp_path, glb))
+            assert [sorted(face) for face in found.tolist()] == [sorted(face) for face in faces]
+            if mode == 5:
+                a, b, c = (corners[found[:, k]] for k in range(3))
+                assert (np.cross(b - a, c - a)[:, 2] < 0).all(), "a strip's triangles face one way"
+
+
+def test_quantised_interleaved_and_sparse_positions_of_a_glb(tmp_path):
+    glb = Glb()
+    whole = np.zeros(4, [("p", "<i2", 3), ("rest", "V10")])
+    whole["p"] = SQUARE * 32767
+    data = whole.tobytes()
+    glb.mesh(SQUARE4, FAN2)
+    glb.header["bufferViews"].append(
+        {"buffer": 0, "byteOffset": len(glb.body), "byteLength": len(data), "byteStride": 16}
+    )
+    glb.body += data
+    glb.header["accessors"].append(
+        {"bufferView": 2, "componentType": 5122, "normalized": True, "count": 4, "type": "VEC3"}
+    )
+    glb.header["meshes"][0]["primitives"][0]["attributes"]["POSITION"] = 2
+    same(written(tmp_path, glb))
+    # Zeros but for what is stored apart.
+    rows = glb.accessor(np.array([1, 2, 3], "<u1"), "SCALAR")
+    values = glb.accessor(SQUARE4[1:], "VEC3")
+    views = [glb.header["accessors"][k]["bufferView"] for k in (rows, values)]
+    glb.header["accessors"][2] = {
+        "componentType": 5126,
+        "count": 4,
+        "type": "VEC3",
+        "sparse": {
+            "count": 3,
+            "indices": {"bufferView": views[0], "componentType": 5121},
+            "values": {"bufferView": views[1]},
+        },
+    }
+    same(written(tmp_path, glb))
+
+
+def skinned(weights, joints, moved):
+    """A square whose left side hangs on one joint and whose right side on another, which is `moved`."""
+    glb = Glb()
+    attributes = {
+        "JOINTS_0": glb.accessor(np.array(joints, "<u1"), "VEC4"),
+        "WEIGHTS_0": glb.accessor(np.array(weights, "<f4"), "VEC4"),
+    }
+    glb.mesh(SQUARE4, FAN2, **attributes)
+    # Joints at (0, 0, 1) and (1, 0, 1) when bound; the node of the mesh is far away, which does not count.
+    inverse = np.tile(np.eye(4, dtype="<f4"), (2, 1, 1))
+    inverse[:, 3, :3] = [[0, 0, -1], [-1, 0, -1]]
+    glb.header["skins"] = [{"joints": [1, 2], "inverseBindMatrices": glb.accessor(inverse, "MAT4")}]
+    glb.header["scenes"] = [{"nodes": [0, 1]}]
+    glb.header["nodes"] = [
+        {"mesh": 0, "skin": 0, "translation": [100, 0, 0]},
+        {"translation": [0, 0, 1], "children": [2]},
+        {"translation": np.add([1, 0, 0], moved).tolist()},
+    ]
+    return glb
+
+
+def test_a_skinned_mesh_of_a_glb_is_where_its_joints_hold_it(tmp_path):
+    sides = [[0, 1, 0, 0], [1, 1, 0, 0], [1, 0, 0, 0], [0, 1, 0, 0]]
+    weights = [[1, 0, 0, 0], [1, 0, 0, 0], [0.5, 0, 0, 0], [0.25, 0.25, 0, 0]]
+    same(written(tmp_path, skinned(weights, sides, (0, 0, 0))))
+    expected = SQUARE + [[0, 0, 0], [0, 0, 3], [0, 0, 3], [0, 0, 1.5]]
+    same(written(tmp_path, skinned(weights, sides, (0, 0, 3))), expected)
+
+
+def test_pictures_of_a_glb_are_not_looked_at(tmp_path, square, monkeypatch):
+    """Neither those within nor those elsewhere: nothing is opened but the file itself."""
+    picture = square.accessor(np.arange(64, dtype="<u1"), "SCALAR")
+    view = square.header["accessors"][picture]["bufferView"]
+    square.header |= {
+        "images": [{"bufferView": view, "mimeType": "image/png"}, {"uri": "other.png"}],
+        "textures": [{"source": 0}, {"source": 1}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 1}}}],
+    }
+    square.header["meshes"][0]["primitives"][0]["material"] = 0
+    path = written(tmp_path, square)
+    opened = []
+    real = open
+    monkeypatch.setattr(
+        "builtins.open", lambda name, *rest, **more: opened.append(name) or real(name, *rest, **more)
+    )
+    same(path)
+    assert {str(name) for name in opened if not str(name).startswith(("/proc", "/sys"))} == {str(path)}
+
+
+def _broken(change):
+    glb = Glb()
+    glb.mesh(SQUARE4, FAN2)
+    change(glb.header)
+    return glb.bytes()
+
+
+def _set(path, value):
+    """A change of the entry at a path of names and numbers."""
+
+    def change(header):
+        *above, last = path
+        for step in above:
+            header = header[step]
+        header[last] = value
+
+    return change
+
+
+PRIMITIVE = ("meshes", 0, "primitives", 0)
+BROKEN_GLB = {
+    "huge": (
+        _set(("accessors", 0), {"componentType": 5126, "count": 10**9, "type": "VEC3"}),
+        "24,000 MB.*may take 200 MB",
+    ),
+    "huge faces": (
+        _set(("accessors", 1), {"componentType": 5125, "count": 6 * 10**8, "type": "SCALAR"}),
+        "4,800 MB",
+    ),
+    "negative": (_set(("accessors", 0, "count"), -1), "has -1 entries"),
+    "beyond": (_set(("bufferViews", 0, "byteLength"), 10**6), "beyond its buffer"),
+    "beyond its view": (_set(("accessors", 0, "byteOffset"), 44), "reaches beyond its buffer view"),
+    "before": (_set(("accessors", 0, "byteOffset"), -4), "reaches beyond its buffer view"),
+    "other type": (_set(("accessors", 0, "type"), "VEC2"), "should be VEC3"),
+    "no mesh": (_set(("nodes", 0, "mesh"), 3), "refers to entry 3 of its 1 meshes"),
+    "elsewhere": (
+        _set(("buffers",), [{"byteLength": 60, "uri": "square.bin"}]),
+        "in another file .'square.bin'",
+    ),
+    "circle": (_set(("nodes",), [{"children": [1]}, {"children": [0], "mesh": 0}]), "hangs on itself"),
+    "itself": (_set(("nodes", 0, "children"), [0]), "hangs on itself"),
+    "nothing in it": (_set(("scenes", 0, "nodes"), []), "scene is empty"),
+    "vertex of others": (_set(("accessors", 0, "count"), 3), "names vertex 3 of 3"),
+    "corners left over": (_set(("accessors", 1, "count"), 5), "no whole triangles"),
+    "packed": (
+        lambda header: (
+            header["accessors"][0].pop("bufferView"),
+            _set((*PRIMITIVE, "extensions"), {"KHR_draco_mesh_compression": {}})(header),
+        ),
+        "KHR_draco_mesh_compression",
+    ),
+    "instances": (
+        _set(("nodes", 0, "extensions"), {"EXT_mesh_gpu_instancing": {}}),
+        "EXT_mesh_gpu_instancing",
+    ),
+    "turned by nothing": (_set(("nodes", 0, "rotation"), [0, 0, 0, 0]), "rotation of no length"),
+    "moved by a word": (_set(("nodes", 0, "translation"), ["far", 0, 0]), "no sound translation"),
+}
+
+
+@pytest.mark.parametrize("name", BROKEN_GLB)
+def test_a_broken_glb_is_refused_with_its_cause(tmp_path, name):
+    change, reason = BROKEN_GLB[name]
+    path = written(tmp_path, _broken(change))
+    with pytest.raises(MeshError, match=reason) as caught:
+        read_mesh(path)
+    assert str(path) in str(caught.value)
+
+
+def test_a_glb_that_is_cut_short_or_nested_too_deeply(tmp_path, square):
+    data = square.bytes()
+    for length in (0, 8, 19, 60, len(data) - 1):
+        with pytest.raises(MeshError, match="begin with|cut short"):
+            read_mesh(written(tmp_path, data[:length]))
+    text = b'{"nodes":' + b"[" * 100_000 + b"]" * 100_000 + b"}"
+    deep = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON") + text
+    with pytest.raises(MeshError, match="nested too deeply"):
+        read_mesh(written(tmp_path, deep))
+
+
+def test_a_long_chain_of_nodes_is_no_recursion(tmp_path, square):
+    count = 5000
+    square.header["nodes"] = [{"children": [k + 1], "translation": [1, 0, 0]} for k in range(count)] + [
+        {"mesh": 0}
+    ]
+    vertices, _ = read_mesh(written(tmp_path, square))
+    np.testing.assert_allclose(vertices, SQUARE + [count, 0, 0])
+
+
+def test_objects_of_an_obj_are_its_pieces(tmp_path):
+    path = tmp_path / "two.obj"
+    lines = [f"v {x} {y} {z}" for x, y, z in SQUARE]
+    path.write_text(
+        "\n".join(["o nothing", "o Body of one", *lines, "f 1 2 3", "f 1 2 3 4", "o Eye", "f 2 3 4"])
+    )
+    assert files.read_scene(path).pieces == [
+        files.Piece("Body of one", range(3)),
+        files.Piece("Eye", range(3, 4)),
+    ]
+
+
+def test_strips_of_a_ply(tmp_path):
+    corners = "0 0 0\n0 1 0\n1 0 0\n1 1 0\n2 0 0\n"
+    header = (
+        "ply\nformat ascii 1.0\nelement vertex 5\nproperty float x\nproperty float y\nproperty float z\n"
+        "element tristrips {}\nproperty list int int vertex_indices\nend_header\n"
+    )
+    path = tmp_path / "strips.ply"
+    # Two strips in one list, the first with a triangle of no area that turns it.
+    path.write_text(header.format(2) + corners + "10 0 1 2 3 3 4 -1 2 3 4\n3 0 1 3\n")
     vertices, faces = read_mesh(path)
-    np.testing.assert_array_equal(faces, np.arange(21).reshape(7, 3))
-    assert vertices[::3, [0, 2]].tolist() == [[0, 2], [0, 3], [0, 4], [0, 5], [2, 1], [1, 1], [0, 0]]
+    assert faces.tolist() == [[0, 1, 2], [2, 1, 3], [2, 3, 4], [0, 1, 3]]
+    a, b, c = (vertices[faces[:3, k]] for k in range(3))
+    assert (np.cross(b - a, c - a)[:, 2] < 0).all()
 
 
 @pytest.mark.parametrize(
@@ -202,14 +495,34 @@ def test_meshes_of_a_glb_come_in_the_order_of_its_nodes(tmp_path):
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 1 2\n", "line 5 .*three corners or more"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nf 0 1 2\nv 0 1 0\n", "line 3 .*counted from 1"),
         ("a.off", b"OFF\n", "does not say how many"),
-        ("a.ply", ply("ascii", -1).encode() + b"0 0 0 1 0 0 1 1 0 0 1 0 2 0 0 3 0 1 2", "no faces"),
+        ("a.ply", ply("ascii", -1).encode() + b"0 0 0 1 0 0 1 1 0 0 1 0 2 0 0 3 0 1 2", "announces -1 of"),
         ("a.off", b"OFF BINARY\n\0\0", "should be text"),
         (
             "a.ply",
             ply("ascii", 2).encode() + b"0 0 0 1 0 0 1 1 0 0 1 0 2 0 0 3 0 1 2 3 0 2",
             "face, 1 are there",
         ),
-        ("a.obj.gz", b"not gzip", "gzip"),
+        ("a.obj.gz", b"not gzip", "gzip is damaged.*copy or pack it again"),
+        ("a.obj.gz", gzip.compress(b"v 0 0 0\n" * 1000)[:-20], "gzip is damaged or cut short"),
+        ("a.obj.gz", gzip.compress(b"v 0 0 0\n") + b"more", "gzip is damaged"),
+        (
+            "a.obj.gz",
+            bytearray(gzip.compress(np.random.default_rng(0).bytes(500)))[:60] + bytes(40),
+            "gzip is damaged",
+        ),
+        ("a.obj", b"v 0 0 0\nf 1 1 99999999999999999999\n", "line 2 .*too large"),
+        ("a.off", b"OFF\n-3 -1 0\n0 0 0\n", "announces -3 vertices"),
+        ("a.off", b"OFF\n99999999999 9 0\n0 0 0\n", "announces 99999999999 vertices, 1 are there"),
+        ("a.stl", bytes(80) + struct.pack("<I", 7) + bytes(130), "announces 7 triangles, 2 are there"),
+        ("a.stl", bytes(30), "0 are there; it may be cut short"),
+        ("a.stl", b"solid a\nfacet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n", "does not end with endsolid"),
+        ("a.stl", b"solid a\nfacet\nouter loop\nvertex 0 0 0\nendloop\n", "line 5 ends a facet of 1 corners"),
+        ("a.stl", b"solid a\nvertex 0 0 x\n", "line 2 is not understood"),
+        ("a.ply", ply("binary_little_endian", 3).encode() + bytes(20), "5 of element vertex, 1 are there"),
+        ("a.ply", ply("ascii", 1).encode() + b"0 " * 15 + b"-3 0 1 2", "has a list of -3"),
+        ("a.ply", ply("ascii", 1).encode() + b"0 " * 15 + b"nan 0 1 2", "has a list of nan"),
+        ("a.ply", ply("strange", 1).encode(), "its format is 'strange'"),
+        ("a.ply", ply("ascii", 1, "property text t\n").encode(), "of kind 'text'"),
         ("a.ply", b"ply\n", "cannot be read"),
     ],
 )
@@ -231,12 +544,154 @@ def test_a_folder_is_no_mesh(tmp_path):
         read_mesh(tmp_path)
 
 
-def test_a_missing_package_is_named_with_its_extra(tmp_path, monkeypatch):
-    path = tmp_path / "square.stl"
-    path.write_text("solid\nendsolid\n")
-    monkeypatch.setitem(sys.modules, "trimesh", None)
-    with pytest.raises(MeshError, match=r'trimesh is missing: pip install "\.\[tools\]"'):
+def test_what_has_no_end_is_not_opened(tmp_path):
+    endless, pipe = tmp_path / "zero.obj", tmp_path / "pipe.obj"
+    endless.symlink_to("/dev/zero")
+    os.mkfifo(pipe)
+    for path in (endless, pipe):
+        with pytest.raises(MeshError, match="no regular file"):
+            read_mesh(path)
+
+
+def test_names_that_move_the_cursor_stay_in_their_line(tmp_path, capsys):
+    path = tmp_path / "a\x1b[31m\nb.obj"
+    path.write_text("v x")
+    assert main(["match", str(path), str(path), "-o", str(tmp_path / "map.npz")]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "\x1b" not in line and "a\\x1b[31m b.obj" in line
+
+
+def limited(code, *arguments, megabytes=4000):
+    """Runs Python with a limit of address space: (its output, its peak in MB beyond what importing took)."""
+    code = f"""
+import resource, sys
+resource.setrlimit(resource.RLIMIT_AS, ({megabytes} << 20,) * 2)
+from sgmds import MeshError
+from sgmds.files import read_mesh
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+{code}
+print((resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024)
+"""
+    done = subprocess.run([sys.executable, "-c", code, *map(str, arguments)], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    *words, peak = done.stdout.splitlines()
+    return "\n".join(words), float(peak)
+
+
+def test_a_small_file_that_unpacks_to_much_is_refused_with_the_number(tmp_path):
+    """Some kilobytes that are 50 MB of vertices, or of remarks; 20 MB are allowed here to any file."""
+    for block in (b"v 0 0 0\n" * 2**17, (b"#" * 1023 + b"\n") * 2**10):
+        path = tmp_path / "bomb.obj.gz"
+        packer = zlib.compressobj(1, zlib.DEFLATED, 31)
+        with open(path, "wb") as file:
+            file.writelines(packer.compress(block) for _ in range(50))
+            file.write(packer.flush())
+        allowed = (12 * path.stat().st_size + 20e6) / 1e6
+        code = "from sgmds.files import source\nsource.BASE = 20_000_000\n"
+        code += "try: read_mesh(sys.argv[1])\nexcept MeshError as error: print(error)"
+        words, peak = limited(code, path)
+        assert f"may take {allowed:,.0f} MB: unpack it first" in words
+        assert peak < allowed
+
+
+def test_reading_holds_a_bounded_multiple_of_the_file(tmp_path, monkeypatch):
+    """Each kind in its most common form, and the tersest text there is; see `source.BASE` for small files."""
+    n = 100
+    i = np.arange(n * n).reshape(n, n)
+    quads = np.stack([i[:-1, :-1], i[1:, :-1], i[1:, 1:], i[:-1, 1:]], axis=-1).reshape(-1, 4)
+    tris = np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])
+    x, y = np.unravel_index(np.arange(n * n), (n, n))
+    corners = np.column_stack([x, y, np.sin(0.1 * x)]).astype("<f4")
+    rows = [f"{a:.5f} {b:.5f} {c:.5f}" for a, b, c in corners.tolist()]
+    texts = {
+        "quads.obj": [f"v {row}" for row in rows]
+        + [f"f {a} {b} {c} {d}" for a, b, c, d in (quads + 1).tolist()],
+        "tris.off": [
+            "OFF",
+            f"{n * n} {len(tris)} 0",
+            *rows,
+            *(f"3 {a} {b} {c}" for a, b, c in tris.tolist()),
+        ],
+        "terse.obj": ["v 0 0 0"] * 20_000 + ["f 1 2 3"] * 40_000,
+        "text.stl": [
+            "solid",
+            *(
+                "facet normal 0 0 0\nouter loop\n"
+                + "\n".join(f"vertex {rows[k]}" for k in t)
+                + "\nendloop\nendfacet"
+                for t in tris.tolist()
+            ),
+            "endsolid",
+        ],
+    }
+    for name, lines in texts.items():
+        (tmp_path / name).write_text("\n".join(lines))
+    triangles = np.zeros(len(tris), [("n", "<f4", 3), ("v", "<f4", (3, 3)), ("a", "<u2")])
+    triangles["v"] = corners[tris]
+    (tmp_path / "binary.stl").write_bytes(bytes(80) + struct.pack("<I", len(tris)) + triangles.tobytes())
+    glb = Glb()
+    glb.mesh(corners, tris.astype("<u4"))
+    (tmp_path / "mesh.glb").write_bytes(glb.bytes())
+    mixed = np.array([*quads.tolist(), *tris[:1000].tolist()], dtype=object)
+    header = (
+        f"ply\nformat binary_little_endian 1.0\nelement vertex {n * n}\nproperty float x\n"
+        f"property float y\nproperty float z\nelement face {len(mixed)}\n"
+        "property list uchar int vertex_indices\nend_header\n"
+    )
+    body = b"".join(struct.pack(f"<B{len(f)}i", len(f), *f) for f in mixed)
+    (tmp_path / "mixed.ply").write_bytes(header.encode() + corners.tobytes() + body)
+    for path in sorted(tmp_path.iterdir()):
+        tracemalloc.start()
         read_mesh(path)
+        _, peak = tracemalloc.get_traced_memory()
+        tracemalloc.stop()
+        # Blocks that are looked at together are the same however large the file is.
+        assert peak < source.FACTOR * path.stat().st_size + 20e6, path.name
+    # And what would be beyond is refused before it is taken.
+    monkeypatch.setattr(source, "BASE", 0)
+    monkeypatch.setattr(source, "FACTOR", 0)
+    for path in sorted(tmp_path.iterdir()):
+        with pytest.raises(MeshError, match="would take .* may take"):
+            read_mesh(path)
+
+
+def test_too_little_free_memory_is_told_with_the_numbers(tmp_path, monkeypatch):
+    path = tmp_path / "plain.off"
+    path.write_text("OFF\n20000 1 0\n" + "0 0 0\n" * 20_000 + "4 0 1 2 3\n")
+    monkeypatch.setattr(memory, "available", lambda: 100_000)
+    with pytest.raises(NotEnoughMemory, match="take .* 100,000 bytes are free"):
+        read_mesh(path)
+
+
+def test_reading_is_interrupted_at_once(tmp_path):
+    """Corners that cross themselves everywhere: cutting them takes far longer than what comes before it."""
+    count = 300_000
+    points = np.random.default_rng(0).random((count, 2))
+    path = tmp_path / "crossing.obj"
+    path.write_text(
+        "".join(f"v {x} {y} 0\n" for x, y in points) + "f " + " ".join(map(str, range(1, count + 1))) + "\n"
+    )
+    command = [
+        sys.executable,
+        "-m",
+        "sgmds.command",
+        "match",
+        str(path),
+        str(path),
+        "-o",
+        str(tmp_path / "m.npz"),
+    ]
+    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+    while process.poll() is None and _cpu_seconds(process.pid) < 2:
+        time.sleep(0.1)
+    process.send_signal(signal.SIGINT)
+    _, words = process.communicate(timeout=60)
+    assert (process.returncode, words) == (130, "cancelled\n")
+
+
+def _cpu_seconds(pid):
+    fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
 
 
 def test_a_polygon_that_crosses_itself_has_its_triangles():
@@ -244,7 +699,7 @@ def test_a_polygon_that_crosses_itself_has_its_triangles():
     random = np.random.default_rng(0)
     for size in (5, 30, 300):
         corners = random.normal(size=(size, 3))
-        faces = files._triangulated(corners, [list(range(size))])
+        faces = _core.triangulate(corners, np.arange(size), np.array([size]))
         assert faces.shape == (size - 2, 3) and set(faces.ravel()) == set(range(size))
         # Each side of the polygon belongs to one triangle, each other edge to two.
         edges = np.sort(np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]]), axis=1)
@@ -266,11 +721,11 @@ HOLLOW = {
         [0, 1, 2, 3, 0, 4, 5, 6, 7, 4],
         12,
     ),
-    # Every second corner is hollow; once it took a time that grows with the cube of the corners.
+    # Every second corner is hollow.
     "star": (
-        [[(1 + k % 2) * f(np.pi * k / 400) for f in (np.cos, np.sin)] for k in range(800)],
+        [[(1 + k % 2) * f(np.pi * k / 10_000) for f in (np.cos, np.sin)] for k in range(20_000)],
         None,
-        800 * np.sin(np.pi / 400),
+        20_000 * np.sin(np.pi / 10_000),
     ),
     "point on an edge": ([(0, 0), (1, 0), (2, 0), (2, 2), (0, 2)], None, 4),
 }

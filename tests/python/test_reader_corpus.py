@@ -10,7 +10,7 @@ sys.path.insert(0, str(FUZZ))
 readers = pytest.importorskip("readers")
 
 
-@pytest.mark.parametrize("kind", [*readers.MESHES, *readers.STORED])
+@pytest.mark.parametrize("kind", [*readers.MESHES, "toml", *readers.STORED])
 def test_corpus(kind, tmp_path):
     files = sorted((FUZZ / "corpus" / kind).iterdir())
     accepted = sum(readers.check(kind, file.read_bytes(), tmp_path) for file in files)

@@ -4,6 +4,7 @@ import hashlib
 import io
 import os
 import struct
+import zipfile
 import zlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -31,10 +32,19 @@ def write(
 ) -> None:
     """Writes arrays beside `path` and moves them there when complete, if `check_replaceable` agrees."""
     check_replaceable(path)
-    save = np.savez_compressed if compressed else np.savez
+    npy: Any = np.lib.format
     with whole_file(path, binary=True) as file:
-        # The kind goes first, where `kind_of` finds it also in a file that was cut short.
-        save(file, format=kind, version=version, **arrays)
+        packed = zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED if compressed else zipfile.ZIP_STORED)
+        try:
+            # The kind goes first, where `kind_of` finds it also in a file that was cut short.
+            for name, array in {"format": kind, "version": version, **arrays}.items():
+                with packed.open(f"{name}.npy", "w", force_zip64=True) as member:
+                    npy.write_array(member, np.asanyarray(array), allow_pickle=False)
+            packed.close()
+        except BaseException:
+            # Else it tries to write its end once more when it is forgotten, and tells of it.
+            packed.fp = None
+            raise
 
 
 def check_replaceable(path: str | os.PathLike[str]) -> None:

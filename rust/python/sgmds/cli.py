@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from . import __version__, extras
+from .command import CANCELLED
 from .matching import METHODS, PARTS
 from .shape import METRICS, MOST_THREADS
 from .whole_file import whole_file
 
-CANCELLED = 130
 PICTURES = (".svg", ".pdf", ".png", ".eps", ".jpg", ".webp")
 UNUSED = {"noise": ("plot",), "ablation": ("plot", "method"), "runtime": ("plot", "cache", "every")}
 """Options that an experiment of `reproduce` does not have."""
@@ -27,7 +27,18 @@ def main(arguments: list[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # As standard error does: a letter that the encoding lacks is no reason to fail.
         sys.stdout.reconfigure(errors="backslashreplace")
-    options = _parser().parse_args(arguments)
+    try:
+        status = _run(_parser().parse_args(arguments))
+    except SystemExit as end:
+        # Help, the version, or wrong usage.
+        if fault := _fault_of_output():
+            return _fail(fault)
+        raise end
+    fault = _fault_of_output()
+    return _fail(fault) if fault and status == 0 else status
+
+
+def _run(options) -> int:
     import sgmds
 
     try:
@@ -41,11 +52,27 @@ def main(arguments: list[str] | None = None) -> int:
         return _fail(extras.missing(error.name) if error.name else str(error))
     except (sgmds.SgmdsError, OSError) as error:
         return _fail(str(error))
+    except MemoryError:
+        return _fail("not enough memory: close other programs")
 
 
 def _fail(reason: str) -> int:
-    print("sgmds: " + " ".join(reason.split()), file=sys.stderr)
+    words = " ".join(reason.split())
+    # A name of a file may hold anything, also what moves a terminal's cursor.
+    shown = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in words)
+    print(f"sgmds: {shown}", file=sys.stderr)
     return 1
+
+
+def _fault_of_output() -> str | None:
+    """Words when what was printed cannot be written, as to a full disk; then nothing more is tried."""
+    try:
+        sys.stdout.flush()
+    except OSError as error:
+        # Else Python itself tries again, and tells of it, when it ends.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return f"standard output: {error.strerror or error}"
+    return None
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -151,6 +178,9 @@ def _parser() -> argparse.ArgumentParser:
     batch.add_argument("-o", "--output", type=Path, metavar="DIR", help="instead of the manifest's folder")
     batch.add_argument("--jobs", type=_positive, metavar="N", help="worker processes (default: the cores)")
     batch.add_argument("--scheduler", metavar="ADDRESS", help="the dask scheduler whose workers do the work")
+    batch.add_argument(
+        "--insecure", action="store_true", help="let that be one of another machine, without encryption"
+    )
     earlier = batch.add_mutually_exclusive_group()
     earlier.add_argument("--resume", action="store_true", help="take up the results in the output folder")
     earlier.add_argument("--overwrite", action="store_true", help="forget them and begin anew")
@@ -412,6 +442,7 @@ def _batch(options) -> int:
             options.manifest,
             output=options.output,
             scheduler_address=options.scheduler,
+            insecure=options.insecure,
             resume=options.resume,
             overwrite=options.overwrite,
             anywhere=options.anywhere,

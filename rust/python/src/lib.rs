@@ -13,7 +13,7 @@ mod watched;
 use std::hint::black_box;
 use std::sync::Arc;
 
-use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray2};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::exceptions::PyValueError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -25,7 +25,7 @@ use sgmds_core::matching::ranking::Metrics;
 use sgmds_core::matching::ranking::quality;
 use sgmds_core::matching::{self, Correspondence, Method, Options};
 use sgmds_core::memory;
-use sgmds_core::mesh::Mesh;
+use sgmds_core::mesh::{Mesh, polygons};
 use sgmds_core::shape::CostlyParts;
 use sgmds_core::shape::full_resolution::FullResolution;
 
@@ -503,6 +503,26 @@ fn checked_size(
     })
 }
 
+/// Triangles `(c − 2 p, 3)` of `p` polygons with `c` corners, named by vertex.
+#[pyfunction]
+fn triangulate<'py>(
+    py: Python<'py>,
+    vertices: PyReadonlyArray2<'py, f64>,
+    corners: PyReadonlyArray1<'py, i64>,
+    sizes: PyReadonlyArray1<'py, i64>,
+) -> PyResult<Bound<'py, PyArray2<i64>>> {
+    let (corners, sizes) = (corners.as_slice()?, sizes.as_slice()?);
+    let vertices = vertices.as_slice()?.as_chunks().0;
+    let triangles = watched(py, None, None, |progress| {
+        polygons::triangulate(vertices, corners, sizes, &|| progress.check())
+    })?;
+    let count = triangles.len();
+    triangles
+        .into_flattened()
+        .into_pyarray(py)
+        .reshape([count, 3])
+}
+
 /// Bytes that preparing meshes of these (vertices, faces) together takes at its peak.
 #[pyfunction]
 fn memory_to_prepare(sizes: Vec<(u64, u64)>) -> u64 {
@@ -574,6 +594,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(memory_to_match, module)?)?;
     module.add_function(wrap_pyfunction!(memory_for_spectrum, module)?)?;
     module.add_function(wrap_pyfunction!(checked_size, module)?)?;
+    module.add_function(wrap_pyfunction!(triangulate, module)?)?;
     module.add_function(wrap_pyfunction!(provoke_panic, module)?)?;
     Ok(())
 }

@@ -8,6 +8,7 @@ pub mod boundary;
 pub mod convexity;
 pub mod edge_weights;
 mod intake;
+pub mod polygons;
 pub mod simplification;
 pub mod surface_point;
 pub mod weld;

@@ -38,8 +38,11 @@ class Journal:
         return self
 
     def __exit__(self, *_):
-        self._file.close()
-        self._places.close()
+        # Closing writes what is left, for which a disk may have no room.
+        try:
+            self._file.close()
+        finally:
+            self._places.close()
 
     def _read(self):
         self._file.seek(0)

@@ -18,6 +18,8 @@ from ..files import mesh_format, mesh_name
 from ..matching import METHODS, check_method
 
 MAP_NAME = "maps/{source}--{target}.npz"
+MOST_BYTES = 10**7
+"""Of a manifest: some 100,000 listed pairs. In memory it takes a hundred times as much at most."""
 TILE = 8
 """Pairs are done in squares of this many sources and targets, so that few shapes are needed at a time."""
 
@@ -108,10 +110,16 @@ def read_toml(path) -> dict:
         raise ArgumentError("is a folder; name one manifest, a TOML file")
     if not path.exists():
         raise ArgumentError("no such file")
+    if not path.is_file():
+        raise ArgumentError("is no regular file but a device or a pipe; name one manifest, a TOML file")
+    if (size := path.stat().st_size) > MOST_BYTES:
+        raise ArgumentError(f"has {size:,} bytes, at most {MOST_BYTES:,} are read: name meshes by patterns")
     try:
         return tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise ArgumentError(f"not a TOML file: {error}") from error
+    except RecursionError:
+        raise ArgumentError("not a manifest: it is nested too deeply") from None
 
 
 def within(folder: Path, name: str | Path, anywhere: bool) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import signal
 from collections import deque
@@ -56,7 +57,8 @@ class _Process:
         context = multiprocessing.get_context("spawn")
         self.pipe, theirs = context.Pipe()
         self._process = context.Process(target=serve, args=(theirs, settings), daemon=True)
-        self._process.start()
+        with _interrupts_held_back():
+            self._process.start()
         theirs.close()
 
     def begin(self, task):
@@ -82,6 +84,19 @@ class _Process:
         self._process.join()
         code = self._process.exitcode or 0
         return f"by signal {-code} (out of memory?)" if code < 0 else f"with status {code}"
+
+
+@contextlib.contextmanager
+def _interrupts_held_back():
+    """Ctrl-C is heard at the end of the block; a process begun in it never hears it."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def serve(pipe, settings):

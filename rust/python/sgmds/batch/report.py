@@ -23,6 +23,8 @@ MATRICES = {
 NAMES = ("pairs.csv", *(f"{name}.csv" for name in MATRICES), "distances.png", "report.json")
 """Files of the report."""
 GRADES = ("green", "amber", "red")
+FORMULA = ("=", "+", "-", "@", "\t", "\r")
+"""What programs of tables take for the beginning of a formula (OWASP, CSV Injection)."""
 LABELLED = 60
 """Rows of a picture that have room for their names."""
 
@@ -55,7 +57,8 @@ def write(batch: Batch, records: Iterable[tuple[int, dict | None]]) -> dict:
             else:
                 failures.append({"source": ends[0], "target": ends[1], "reason": record["reason"]})
             place = _shown(pair.map, batch.folder) if done and pair.map else ""
-            table.writerow((*ends, *(record.get(c, "") for c in COLUMNS), place, record["reason"]))
+            row = (*ends, *(record.get(c, "") for c in COLUMNS), place, record["reason"])
+            table.writerow(map(_cell, row))
             for name, matrix in matrices.items():
                 if name in record:
                     matrix[rows[pair.source], columns[pair.target]] = record[name]
@@ -64,9 +67,9 @@ def write(batch: Batch, records: Iterable[tuple[int, dict | None]]) -> dict:
     for name, matrix in matrices.items():
         with whole_file(batch.folder / f"{name}.csv") as file:
             table = csv.writer(file, lineterminator="\n")
-            table.writerow(("source", *labels[1]))
+            table.writerow(("source", *map(_cell, labels[1])))
             for label, row in zip(labels[0], matrix.tolist(), strict=True):
-                table.writerow((label, *("" if np.isnan(v) else v for v in row)))
+                table.writerow((_cell(label), *("" if np.isnan(v) else v for v in row)))
     if matrices:
         _picture(batch.folder / "distances.png", matrices, *labels)
     summary = {
@@ -82,6 +85,11 @@ def write(batch: Batch, records: Iterable[tuple[int, dict | None]]) -> dict:
     with whole_file(batch.folder / "report.json") as file:
         file.write(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
     return summary
+
+
+def _cell(value):
+    """What programs of tables show as it is: text that they would compute begins with an apostrophe."""
+    return f"'{value}" if isinstance(value, str) and value.startswith(FORMULA) else value
 
 
 def _sides(batch):

@@ -15,7 +15,6 @@ from .. import extras
 from ..cache import LIMIT_BYTES
 from ..correspondence import is_map
 from ..errors import ArgumentError, SgmdsError
-from ..files import mesh_format
 from ..locks import try_lock
 from ..shape import checked_count, checked_threads
 from ..whole_file import begins_with, clear_remains
@@ -33,6 +32,7 @@ def run(
     output=None,
     jobs: int | None = None,
     scheduler_address: str | None = None,
+    insecure: bool = False,
     resume: bool = False,
     overwrite: bool = False,
     anywhere: bool = False,
@@ -53,6 +53,8 @@ def run(
         Worker processes, by default one a processor core.
     scheduler_address : str, optional
         A dask scheduler whose workers do the work, instead of processes of this machine.
+    insecure : bool
+        Let that scheduler be one of another machine whose address is not encrypted.
     resume, overwrite : bool
         What to do with results in the folder: take them up, or forget them. Else they are an error.
     anywhere : bool
@@ -77,12 +79,13 @@ def run(
         When the batch cannot be begun or gone on with. A pair that fails is in the report instead.
     """
     threads = checked_threads(threads)
+    if scheduler_address is not None:
+        scheduler.check_address(scheduler_address, insecure)
     if jobs is not None:
         checked_count("jobs", jobs, 1)
     batch = manifest.read(path, output, anywhere)
     # What every pair, or the report after all of them, would fail for.
-    formats = {mesh_format(shape.path).removesuffix(".gz") for shape in batch.shapes}
-    extras.require("matplotlib", *(["trimesh"] if formats & {"stl", "glb"} else []))
+    extras.require("matplotlib")
     with _claimed(batch.folder):
         _check_place(batch, overwrite)
         if journal.exists(batch.folder) and not resume:

@@ -8,14 +8,41 @@ records. A worker that dies has its tasks given to others by the scheduler.
 from __future__ import annotations
 
 import functools
+import ipaddress
 from collections.abc import Iterable, Iterator
 
-from ..errors import SgmdsError
+from ..errors import ArgumentError, SgmdsError
 from .work import Outcome, Settings, Task, Worker, failure
 
 CONNECT_SECONDS = 20
+ENCRYPTED = ("tls", "wss")
+"""Protocols of dask that encrypt and, with certificates as docs/batch.md shows, let nobody else in."""
 WINDOW = 8
 """Pairs under way per thread of the workers: enough to keep them busy, few enough for flat memory."""
+
+
+def check_address(address: str, insecure: bool) -> None:
+    """Raises `ArgumentError` for a scheduler that is asked over a network in the clear, unless `insecure`.
+
+    Tasks and results of dask are pickles: whoever can send to a scheduler, a worker or a client runs programs
+    there.
+    """
+    protocol, separator, place = address.partition("://")
+    if not separator:
+        protocol, place = "tcp", address
+    if insecure or protocol in ENCRYPTED or protocol == "inproc":
+        return
+    host = place.rpartition(":")[0] if place.rpartition(":")[2].isdecimal() else place
+    host = host.strip("[]")
+    try:
+        is_own = ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        is_own = host == "localhost"
+    if not is_own:
+        raise ArgumentError(
+            f"{address}: is not encrypted, and whoever reaches it can run programs on all its machines: "
+            "use a tls:// address as docs/batch.md shows, or give --insecure in a network that you trust"
+        )
 
 
 def run(tasks: Iterable[Task], address: str, settings: Settings) -> Iterator[tuple[Task, Outcome]]:
@@ -30,7 +57,8 @@ def run(tasks: Iterable[Task], address: str, settings: Settings) -> Iterator[tup
 
     try:
         client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
-    except (OSError, TimeoutError, ValueError) as error:
+    except Exception as error:
+        # No answer, none that is understood, certificates that are missing or do not fit: each has its own.
         raise SgmdsError(f"no scheduler answers at {address}: {error}") from error
     with client:
         prepared = {}

@@ -348,20 +348,24 @@ class _File:
         attributes = part.primitive["attributes"]
         for first, block in self._floats(attributes["POSITION"], "VEC3"):
             vertices[first : first + len(block)] = block
-        whole: np.ndarray | None = part.world
+        common: np.ndarray | None = part.world
         if part.joints is not None and len(part.joints) and "JOINTS_0" in attributes:
-            whole = _common(part.joints)
-            if whole is None:
-                self._pose(part, part.joints, vertices)
-        if whole is not None:
+            common = _common(part.joints)
+        if common is not None:
             for first in range(0, len(vertices), _ROWS):
                 block = vertices[first : first + _ROWS]
-                block[:] = block @ whole[:3, :3].T + whole[:3, 3]
+                block[:] = block @ common[:3, :3].T + common[:3, 3]
+            mirrors = _mirrors(common)
+        else:
+            assert part.joints is not None
+            self._pose(part, part.joints, vertices)
+            mirrors = _mirrors(part.joints[0])
         self._triangles(part, faces)
         if len(faces) and faces.max() >= part.vertex_count:
             raise ValueError(f"a triangle names vertex {faces.max()} of {part.vertex_count}; it is damaged")
-        if _mirrors(part.joints[0] if whole is None else whole):
-            faces[:] = faces[:, ::-1].copy()
+        if mirrors:
+            begins = faces[:, 0].copy()
+            faces[:, 0], faces[:, 2] = faces[:, 2], begins
 
     def _floats(self, number: Any, width: str) -> Iterator[tuple[int, np.ndarray]]:
         """Rows of an accessor as the numbers that they mean: normalised ones are −1…1."""

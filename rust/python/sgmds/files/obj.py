@@ -20,8 +20,8 @@ def read(source: Source) -> tuple[np.ndarray, np.ndarray, list[tuple[str, int]]]
     positions, corners, sizes = array("d"), array("q"), array("q")
     names = [("", 0)]
     unfinished = b""
-    for number, line in enumerate(source.lines(), start=1):
-        if number % LINES == 0:
+    for count, (number, line) in enumerate(source.lines()):
+        if count % LINES == 0:
             held = 8 * (len(positions) + len(corners) + len(sizes)) + NAME_BYTES * len(names)
             source.allow(held, "its vertices and faces")
         if unfinished:
@@ -43,8 +43,8 @@ def read(source: Source) -> tuple[np.ndarray, np.ndarray, list[tuple[str, int]]]
                 if len(ids) < 3:
                     raise ValueError("a face has three corners or more")
                 # Negative ids count back from the last vertex so far.
-                count = len(positions) // 3
-                corners.extend([i - 1 if i > 0 else count + i for i in ids])
+                known = len(positions) // 3
+                corners.extend([i - 1 if i > 0 else known + i for i in ids])
                 sizes.append(len(ids))
             elif words[0] == b"o":
                 first = len(corners) - 2 * len(sizes)

@@ -57,6 +57,6 @@ def read(source: Source) -> tuple[np.ndarray, np.ndarray, list[tuple[str, int]]]
 
 def _rows(source: Source) -> Iterator[list[bytes]]:
     """The words of each line that has any, without remarks."""
-    for line in source.lines():
+    for _, line in source.lines():
         if words := line.split(b"#", 1)[0].split():
             yield words

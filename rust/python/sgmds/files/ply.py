@@ -19,9 +19,8 @@ _KINDS = {
     **{"float": "f", "double": "d", "float32": "f", "float64": "d"},
 }
 _ORDERS = {"ascii": "=", "binary_little_endian": "<", "binary_big_endian": ">"}
-_SURFACE = ("face", "tristrips")
-"""Elements that make the surface, by a list of the name of one of these:"""
 _IDS = ("vertex_indices", "vertex_index")
+"""What the list of corners is called."""
 ROWS = 2**16
 """Rows of an element, or corners, that are looked at together."""
 _RESTART = -1
@@ -59,7 +58,7 @@ def read(source: Source) -> tuple[np.ndarray, np.ndarray, list[tuple[str, int]]]
             for entry in element.properties:
                 entry.kind, entry.length_kind = "d", "d" if entry.length_kind else ""
     else:
-        body = memoryview(ahead + source.rest())
+        body = memoryview(source.rest(ahead))
     reader = _Reader(source, body, order)
     vertices, faces, strips = np.zeros((0, 3)), np.zeros((0, 3), np.int64), np.zeros((0, 3), np.int64)
     corners = sizes = np.zeros(0, np.int64)
@@ -176,41 +175,30 @@ class _Reader:
             self._place += size * element.count
 
     def lists(self, element: _Element, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
-        """The whole numbers of a list of one of these names, row after row, and how many each row has.
+        """The whole numbers of the list of one of these names, row after row, and how many each row has.
 
-        None when the element has no such list.
+        Both are empty when the element has no such list.
         """
         wanted = next((e for e in element.properties if e.name in names and e.length_kind), None)
-        places, lengths = self._walk(element, wanted)
-        if wanted is None:
-            return np.zeros(0, np.int64), np.zeros(0, np.int64)
-        total = int(lengths.sum())
-        held = len(self._body) + places.nbytes + lengths.nbytes
-        self._source.allow(held + 8 * total, f"its element {element.name}")
-        kind = np.dtype(self._order + wanted.kind)
-        data = np.frombuffer(self._body, np.uint8)
-        ids = np.empty(total, np.int64)
-        ends = np.cumsum(lengths)
-        first = done = 0
-        while first < len(lengths):
-            # As many rows as have no more corners together than are looked at at a time, at least one.
-            last = max(int(np.searchsorted(ends, done + ROWS, "right")), first + 1)
-            last = min(last, first + ROWS)
-            count = int(ends[last - 1]) - done
-            if last == first + 1:
-                found = np.frombuffer(self._body, kind, count, int(places[first])) if count else ()
-            else:
-                rows = slice(first, last)
-                shift = places[rows] - kind.itemsize * (ends[rows] - lengths[rows] - done)
-                at = np.repeat(shift, lengths[rows]) + kind.itemsize * np.arange(count)
-                found = data[at[:, None] + np.arange(kind.itemsize)].reshape(-1).view(kind)
-            with np.errstate(invalid="ignore"):
-                ids[done : done + count] = found
-            first, done = last, done + count
-        return ids, lengths
+        ids, sizes = array("q"), array("q")
+        row = 0
+        while row < element.count:
+            row, places, lengths = self._walk(element, row, wanted)
+            if wanted is not None:
+                sizes.extend(lengths)
+                self._gather(ids, np.array(places), np.array(lengths), wanted.kind)
+            held = len(self._body) + 8 * (len(ids) + len(sizes))
+            self._source.allow(held, f"its element {element.name}")
+        return np.frombuffer(ids, np.int64), np.frombuffer(sizes, np.int64)
 
-    def _walk(self, element: _Element, wanted: _Property | None) -> tuple[np.ndarray, np.ndarray]:
-        """Where in the body the wanted list of each row begins, and how many numbers it has."""
+    def _walk(
+        self, element: _Element, row: int, wanted: _Property | None
+    ) -> tuple[int, list[int], list[int]]:
+        """Goes through rows from `row` until there are many, or many numbers in the wanted list.
+
+        Returns the row that comes then, and of each row where in the body that list begins and how many
+        numbers it has.
+        """
         # Of each list: bytes before it, how its length is read, bytes of that and of each of its numbers.
         steps: list[tuple[int, struct.Struct, int, int, bool]] = []
         before: list[_Property] = []
@@ -223,28 +211,50 @@ class _Reader:
             else:
                 before.append(entry)
         behind = self._size(before)
-        places, lengths = array("q"), array("q")
+        places, lengths, total = [], [], 0
         body, place, end = self._body, self._place, len(self._body)
-        for row in range(element.count):
+        first = row
+        for row in range(first, min(first + ROWS, element.count)):
             for skipped, form, length_size, width, is_wanted in steps:
                 place += skipped
                 if place + length_size > end:
                     raise _cut_short(element, row)
-                length = int(form.unpack_from(body, place)[0])
+                value = form.unpack_from(body, place)[0]
+                # A number that is none compares false.
+                if not value >= 0:
+                    raise ValueError(f"row {row} of its element {element.name} has a list of {value}")
+                length = int(value)
                 place += length_size
-                if length < 0:
-                    raise ValueError(f"row {row} of its element {element.name} has a list of {length}")
                 if is_wanted:
                     places.append(place)
                     lengths.append(length)
+                    total += length
                 place += length * width
             place += behind
             if place > end:
                 raise _cut_short(element, row)
-            if row % ROWS == 0:
-                self._source.allow(end + 16 * len(lengths), f"its element {element.name}")
+            if total > ROWS:
+                break
         self._place = place
-        return np.frombuffer(places, np.int64), np.frombuffer(lengths, np.int64)
+        return row + 1, places, lengths
+
+    def _gather(self, ids: array, places: np.ndarray, lengths: np.ndarray, kind: str) -> None:
+        """Adds the numbers of lists that begin at these places of the body."""
+        form = np.dtype(self._order + kind)
+        for first, last in ((0, len(places) - 1), (len(places) - 1, len(places))):
+            # The last list may be long by itself.
+            own = lengths[first:last]
+            count = int(own.sum())
+            if last == first + 1:
+                found = np.frombuffer(self._body, form, count, int(places[first])) if count else ()
+            else:
+                shift = places[first:last] - form.itemsize * (np.cumsum(own) - own)
+                at = np.repeat(shift, own) + form.itemsize * np.arange(count)
+                data = np.frombuffer(self._body, np.uint8)
+                found = data[at[:, None] + np.arange(form.itemsize)].reshape(-1).view(form)
+            for start in range(0, count, ROWS):
+                with np.errstate(invalid="ignore"):
+                    ids.frombytes(np.asarray(found[start : start + ROWS]).astype(np.int64).tobytes())
 
     def _size(self, properties: list[_Property]) -> int:
         return sum(struct.calcsize(self._order + entry.kind) for entry in properties)

@@ -85,15 +85,13 @@ class Source:
         """Goes to a place, counted from the beginning."""
         self._file.seek(place)
 
-    def rest(self) -> bytes:
-        """All that follows, if it may be held."""
-        parts, held = [], 0
+    def rest(self, ahead: bytes = b"") -> bytearray:
+        """All that follows `ahead`, which was read before, with it, if it may be held."""
+        whole = bytearray(ahead)
         while part := self.read(BLOCK):
-            held += len(part)
-            # Once in parts, once joined.
-            self.allow(2 * held, "its unpacked bytes" if self.zipped else "its bytes")
-            parts.append(part)
-        return b"".join(parts)
+            whole += part
+            self.allow(len(whole), "its unpacked bytes" if self.zipped else "its bytes")
+        return whole
 
     def blocks(self, ahead: bytes = b"", *, words: bool = False) -> Iterator[bytes]:
         """The text after `ahead`, which was read before, in blocks that end where a line or a word ends."""
@@ -119,13 +117,16 @@ class Source:
             block = self.read(BLOCK)
         yield b"".join(tail)
 
-    def lines(self) -> Iterator[bytes]:
-        """The text line by line, without the lines' ends of whatever system."""
-        for block in self.blocks():
+    def lines(self, ahead: bytes = b"") -> Iterator[tuple[int, bytes]]:
+        """Number and content of each line that is not empty, whatever system's ends of lines it has."""
+        number = 0
+        for block in self.blocks(ahead):
             for line in block.splitlines():
-                if len(line) > BLOCK:
-                    self.allow(WORDS_FACTOR * len(line), "the words of its longest line")
-                yield line
+                number += 1
+                if line:
+                    if len(line) > BLOCK:
+                        self.allow(WORDS_FACTOR * len(line), "the words of its longest line")
+                    yield number, line
 
 
 def amount(count: int) -> str:

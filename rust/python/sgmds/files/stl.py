@@ -46,28 +46,26 @@ def _binary(source: Source, head: bytes, announced: int) -> np.ndarray:
 
 def _text(source: Source, head: bytes) -> np.ndarray:
     positions = array("d")
-    in_loop = number = 0
+    in_loop = 0
     is_ended = False
-    for block in source.blocks(head + source.read(BLOCK)):
-        for line in block.splitlines():
-            number += 1
-            if number % _LINES == 0:
-                source.allow(8 * len(positions), "its triangles")
-            match line.split(None, 4):
-                case [word, x, y, z] if word.lower() == b"vertex":
-                    try:
-                        positions.extend((float(x), float(y), float(z)))
-                    except ValueError as error:
-                        raise ValueError(f"line {number} is not understood: {error}") from error
-                    in_loop += 1
-                case [word, *_] if word.lower() == b"vertex":
-                    raise ValueError(f"line {number} is not understood: a vertex has three numbers")
-                case [word, *_] if word.lower() == b"endloop":
-                    if in_loop != 3:
-                        raise ValueError(f"line {number} ends a facet of {in_loop} corners; it should have 3")
-                    in_loop = 0
-                case [word, *_]:
-                    is_ended = word.lower() == b"endsolid"
+    for count, (number, line) in enumerate(source.lines(head + source.read(BLOCK))):
+        if count % _LINES == 0:
+            source.allow(8 * len(positions), "its triangles")
+        match line.split(None, 4):
+            case [word, x, y, z] if word.lower() == b"vertex":
+                try:
+                    positions.extend((float(x), float(y), float(z)))
+                except ValueError as error:
+                    raise ValueError(f"line {number} is not understood: {error}") from error
+                in_loop += 1
+            case [word, *_] if word.lower() == b"vertex":
+                raise ValueError(f"line {number} is not understood: a vertex has three numbers")
+            case [word, *_] if word.lower() == b"endloop":
+                if in_loop != 3:
+                    raise ValueError(f"line {number} ends a facet of {in_loop} corners; it should have 3")
+                in_loop = 0
+            case [word, *_]:
+                is_ended = word.lower() == b"endsolid"
     if not is_ended:
         raise ValueError(
             f"it does not end with endsolid, after {len(positions) // 9} triangles; it may be cut short"
