@@ -2,8 +2,8 @@
 
     python .ci/check_imports.py
 
-The order is that in which data flow. Code of unit tests does not count. Exit status 1 when an import points the
-other way.
+The order is that in which data flow. Code of unit tests does not count. Exit status 1 when an import points
+the other way.
 """
 
 import re

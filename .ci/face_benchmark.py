@@ -1,10 +1,11 @@
-"""Facial shape keys from one body onto another where the truth is known: errors, closed gaps, exchanged sheets.
+"""Facial shape keys from one body onto another, the truth being known: errors, closed gaps, exchanged sheets.
 
     .venv/bin/python .ci/face_benchmark.py MAKEHUMAN [--pairs NAME …] [--keys NAME …] [--json OUT]
 
-MAKEHUMAN is a folder with MakeHuman's CC0 sources: `base.obj`, `targets/macrodetails`, `targets/expression/units/caucasian`
-and `base/proxymeshes`. A target displaces the same vertices on every body, so a face unit is the truth for every other body,
-and through the bindings of a proxy for other triangles. Lengths in metres, z up.
+MAKEHUMAN is a folder with MakeHuman's CC0 sources: `base.obj`, `targets/macrodetails`,
+`targets/expression/units/caucasian` and `base/proxymeshes`. A target displaces the same vertices on every
+body, so a face unit is the truth for every other body, and through the bindings of a proxy for other
+triangles. Lengths in metres, z up.
 """
 
 import argparse
@@ -34,7 +35,8 @@ KEYS = {"blink": "eye-left-closure", "smile": "mouth-corner-puller", "jawOpen": 
 MOVING = 0.6
 # A gap is closed by a key when this share of it is left at most.
 CLOSED = 0.25
-# Lengths on the base body, whose height is 1.6 m: from where gaps and lips count, and how far sheets are told apart.
+# Lengths on the base body, whose height is 1.6 m: from where gaps and lips count, and how far sheets are told
+# apart.
 LEAST_GAP = 0.002
 SHEETS_WITHIN = 0.008
 HEAD_ABOVE_CHIN = 0.03
@@ -60,7 +62,9 @@ class MakeHuman:
         return moved
 
     def proxy(self, name, positions):
-        """Faces of a proxy, base vertices (n, 3) that carry each of its vertices and their weights, and its place on a body."""
+        """A proxy's faces, the base vertices (n, 3) that carry each of its vertices, their weights, and its
+        place on a body.
+        """
         folder = self.folder / "base/proxymeshes" / name
         _, faces, _ = read_obj(folder / f"{name}.obj")
         scale, rows, inside = np.ones(3), [], False
@@ -97,7 +101,9 @@ class Body:
         self.name, self.by = name, by[used]
         self.weights = np.ones((len(used), 1)) if weights is None else weights[used]
         self.vertices = in_metres(place[used])
-        self.triangles = np.array([[new[f[0]], new[f[k]], new[f[k + 1]]] for f in faces for k in range(1, len(f) - 1)])
+        self.triangles = np.array(
+            [[new[f[0]], new[f[k]], new[f[k + 1]]] for f in faces for k in range(1, len(f) - 1)]
+        )
 
     def carried(self, values):
         """Values of base vertices at the own ones, (n, …)."""
@@ -146,7 +152,13 @@ class Body:
 
     def _with(self, vertices, triangles, by, weights):
         made = object.__new__(Body)
-        made.name, made.vertices, made.triangles, made.by, made.weights = self.name, vertices, triangles, by, weights
+        made.name, made.vertices, made.triangles, made.by, made.weights = (
+            self.name,
+            vertices,
+            triangles,
+            by,
+            weights,
+        )
         return made
 
     @property
@@ -155,7 +167,9 @@ class Body:
 
 
 class Sheets:
-    """Upper and lower lid and lip on the base: 1 above, −1 below, 0 elsewhere; and the pairs of vertices that a key brings together."""
+    """Upper and lower lid and lip on the base: 1 above, −1 below, 0 elsewhere; and the pairs of vertices that
+    a key brings together.
+    """
 
     def __init__(self, makehuman):
         self.body = np.unique(np.concatenate([np.asarray(f) for f in makehuman.body]))
@@ -170,7 +184,9 @@ class Sheets:
         near = cKDTree(rest[self.body]).query_pairs(0.003, output_type="ndarray")
         i, j = self.body[near].T
         slit = np.abs(length[i] - length[j]) > 0.5
-        self.lip_pairs = np.stack([np.where(length[i] > length[j], j, i), np.where(length[i] > length[j], i, j)], 1)[slit]
+        self.lip_pairs = np.stack(
+            [np.where(length[i] > length[j], j, i), np.where(length[i] > length[j], i, j)], 1
+        )[slit]
         near_slit = cKDTree(rest[self.lip_pairs].mean(axis=1)).query(rest)[0] < SHEETS_WITHIN
         front = near_slit & (rest[:, 1] < rest[self.lip_pairs.ravel(), 1].mean())
         sheets[1] = np.where(front, np.where(length > 0.5, -1, np.where(length < 0.3, 1, 0)), 0)
@@ -260,7 +276,9 @@ def measured(source, target, keys, sheets, makehuman):
         right, size = right @ turn.T, np.linalg.norm(right, axis=1) * np.linalg.norm(turn[0])
         most = size > MOVING * size.max()
         off = np.linalg.norm(made - right, axis=1)[most]
-        cosine = (made * right).sum(axis=1)[most] / np.maximum(np.linalg.norm(made, axis=1)[most] * size[most], 1e-12)
+        cosine = (made * right).sum(axis=1)[most] / np.maximum(
+            np.linalg.norm(made, axis=1)[most] * size[most], 1e-12
+        )
         rows[name] = {
             "moves mm": 1e3 * size[most].mean(),
             "error %": 100 * off.mean() / size[most].mean(),
@@ -274,7 +292,14 @@ def measured(source, target, keys, sheets, makehuman):
         side = np.einsum("ij,ij->i", images[0], source.carried(sheet)[images[1]])
         exchanged.append(int(((side * target.carried(sheet)) < -0.5).sum()))
     place = np.einsum("ij,ijc->ic", images[0], source.vertices[images[1]])
-    pair = {"seconds": seconds, "CPU seconds": worked, "lids": exchanged[0], "lips": exchanged[1], "grade": found.quality.grade, "scale": scale}
+    pair = {
+        "seconds": seconds,
+        "CPU seconds": worked,
+        "lids": exchanged[0],
+        "lips": exchanged[1],
+        "grade": found.quality.grade,
+        "scale": scale,
+    }
     if source.name == target.name and source.by.shape == target.by.shape:
         own = np.empty(len(makehuman.vertices), int)
         own[source.by[:, 0]] = np.arange(len(source.by))
@@ -293,7 +318,9 @@ def aligned(source, target):
 
 
 def closed_share(source, target, made, right, moved, sheets):
-    """Of the gaps that a key closes on the target's own body, the share that it closes as made; nothing where it closes none."""
+    """Of the gaps that a key closes on the target's own body, the share that it closes as made; nothing where
+    it closes none.
+    """
     if target.by.shape[1] != 1:
         return None
     pairs = sheets.brought_together(sheets.rest, moved)
@@ -319,7 +346,9 @@ def main():
     parser.add_argument("--json", help="file for the figures")
     options = parser.parse_args()
     makehuman = MakeHuman(options.makehuman)
-    units = sorted(p.name.removesuffix(".target.gz") for p in (makehuman.folder / "targets" / UNITS).glob("*.target.gz"))
+    units = sorted(
+        p.name.removesuffix(".target.gz") for p in (makehuman.folder / "targets" / UNITS).glob("*.target.gz")
+    )
     known = KEYS | {unit: unit for unit in units}
     wanted = units if options.keys == ["all"] else options.keys or list(KEYS)
     keys = {name: known[name] for name in wanted}
@@ -329,15 +358,16 @@ def main():
         rows, pair = measured(source, target, keys, sheets, makehuman)
         table[name] = {"keys": rows, "pair": pair}
         print(
-            f"{name}: {len(source.vertices)} → {len(target.vertices)} vertices, {pair['seconds']:.2f} s ({pair['CPU seconds']:.2f} s of CPU), grade {pair['grade']}, "
+            f"{name}: {len(source.vertices)} → {len(target.vertices)} vertices, {pair['seconds']:.2f} s "
+            f"({pair['CPU seconds']:.2f} s of CPU), grade {pair['grade']}, "
             f"exchanged: lids {pair['lids']}, lips {pair['lips']}"
             + (f", copy off by {pair['copy mm']:.4f} mm" if "copy mm" in pair else "")
         )
         for key, row in rows.items():
             closed = "" if row["closed"] is None else f"  closes {row['closed']:.2f}"
             print(
-                f"    {key:28} moves {row['moves mm']:5.1f} mm  error {row['error %']:5.1f} %  95 % {row['95 %']:6.1f} %  "
-                f"angle {row['angle']:4.0f}°{closed}",
+                f"    {key:28} moves {row['moves mm']:5.1f} mm  error {row['error %']:5.1f} %  "
+                f"95 % {row['95 %']:6.1f} %  angle {row['angle']:4.0f}°{closed}",
                 flush=True,
             )
     if options.json:

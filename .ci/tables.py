@@ -1,4 +1,4 @@
-"""Writes the tables of docs/accuracy.md and docs/speed.md from docs/results/*.json, which hold what was recorded.
+"""Writes the tables of docs/accuracy.md and docs/speed.md from what docs/results/*.json have recorded.
 
     python .ci/tables.py
     python .ci/tables.py --check

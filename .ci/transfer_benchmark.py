@@ -501,7 +501,7 @@ def text(title, figures):
 def write_seconds():
     """Processor time of writing 50,000 vertices × 4 of 60 groups in the extension."""
     sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
-    from addon.transfer.vertex_groups import write_weights
+    from addon.transfer.weights import write_weights
 
     count, groups = 50_000, 60
     rng = np.random.default_rng(0)

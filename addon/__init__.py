@@ -6,11 +6,13 @@ import atexit
 import bpy
 
 from . import (
+    character,
     command_line,
     manual,
     notice,
     operators,
     overlay,
+    pair,
     panels,
     preferences,
     prepared,
@@ -19,7 +21,14 @@ from . import (
 )
 from .operators import settings, show, step
 
-_HANDLERS = (*stored_match.HANDLERS, *overlay.HANDLERS, *notice.HANDLERS, *show.HANDLERS)
+_HANDLERS = (
+    *stored_match.HANDLERS,
+    *character.HANDLERS,
+    *pair.HANDLERS,
+    *overlay.HANDLERS,
+    *notice.HANDLERS,
+    *show.HANDLERS,
+)
 
 
 def register():
@@ -52,5 +61,6 @@ def unregister():
     preferences.unregister()
     properties.unregister()
     stored_match.forget()
+    character.forget()
     prepared.forget()
     notice.clear()

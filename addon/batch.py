@@ -13,13 +13,15 @@ from pathlib import Path
 
 import bpy
 
-from . import core
+from . import character, core, pair
 from .mesh_read import UnusableObjectError, value_of
 from .operators.carry import carry
 from .operators.match import reading, store
 from .transfer import KINDS, companions
 from .transfer.copies import MADE_FROM
 
+# Objects that hold the meshes of a character together.
+HOLDERS = ("ARMATURE", "EMPTY")
 DEFAULT_OUTPUT = "{file}.blend"
 POLL_SECONDS = 0.1
 
@@ -128,9 +130,9 @@ def read_manifest(path, folder, anywhere):
 def _file_jobs(toml, home, folder, anywhere, table, entry, where):
     if "pairs" in entry:
         pairings = []
-        for pair in entry["pairs"]:
-            toml.check_keys(pair, PAIR, f"{where}, pairs")
-            pairings.append(_pairing(pair, f"{where}, pairs"))
+        for given in entry["pairs"]:
+            toml.check_keys(given, PAIR, f"{where}, pairs")
+            pairings.append(_pairing(given, f"{where}, pairs"))
     else:
         pairings = [_pairing(entry, where)]
     source_file = None
@@ -241,7 +243,7 @@ def work_on(context, job, request):
         brought = {}
         for pairing in job.pairings:
             entry["pairs"] += _pairs(context, job, request, pairing, brought)
-        if any(pair["status"] == "done" for pair in entry["pairs"]):
+        if any(done["status"] == "done" for done in entry["pairs"]):
             if brought and request.transfer and not job.keep_source:
                 _remove(_came(brought))
             save(job.output)
@@ -261,8 +263,8 @@ def _pairs(context, job, request, pairing, brought):
     for pattern in pairing.targets:
         try:
             source = _source(context, job, pairing.source, brought, with_objects)
-            hanging = companions.hanging(source) if with_objects else []
-            targets = _targets(context, pattern, [source, *_came(brought)], hanging)
+            hanging = companions.hanging_on(source.pieces) if with_objects else []
+            targets = _targets(context, pattern, [*source.whole, *_came(brought)], hanging)
         except (UnusableObjectError, RuntimeError, OSError) as reason:
             missing = {"source": pairing.source, "target": pattern, "status": "failed", "notes": []}
             missing["reason"] = " ".join(str(reason).split())
@@ -286,73 +288,145 @@ def _places(context):
 
 def _came(brought):
     """All objects that came from other files."""
-    return [obj for objects in brought.values() for obj in objects]
+    return [obj for _, objects in brought.values() for obj in objects]
 
 
 def _source(context, job, name, brought, with_objects):
-    """The source object. From another file it comes with its rig and, if asked, what else hangs on it."""
+    """The character, or mesh, of this name. From another file it comes with its rig and, if asked, what else
+    hangs on it.
+    """
     if job.source_file is None:
         for place in _places(context):
-            if name in place["view_layer"].objects:
-                return place["view_layer"].objects[name]
-        raise UnusableObjectError(f"There is no object named '{name}' in any scene of this file")
+            found = _named(place, name)
+            if found is not None:
+                return found
+        raise UnusableObjectError(
+            f"There is no mesh, nor an armature or collection with meshes, named '{name}' in any scene of "
+            "this file"
+        )
     if name in brought:
         return brought[name][0]
-    with bpy.data.libraries.load(str(job.source_file), link=False) as (there, here):
-        if name not in there.objects:
-            raise UnusableObjectError(f"There is no object named '{name}' in {job.source_file}")
-        here.objects = [name, *(other for other in there.objects if with_objects and other != name)]
-    obj, *others = here.objects
-    linked = context.scene.collection.objects
-    for came in here.objects:
-        linked.link(came)
-    hanging = companions.hanging(obj)
+    source, objects = _bring(context, job.source_file, name, with_objects)
+    brought[name] = source, objects
+    return source
+
+
+def _bring(context, file, name, with_objects):
+    """Append the object or collection of this name: the character, and the objects that came to the scene."""
+    came, *others = _append(file, name, with_objects)
+    if isinstance(came, bpy.types.Object) and came.type in HOLDERS:
+        # What hangs on it is not known before all is there.
+        bpy.data.objects.remove(came)
+        came, *others = _append(file, name, True)
+    linked = context.scene.collection
+    if isinstance(came, bpy.types.Collection):
+        linked.children.link(came)
+        others += came.all_objects
+    else:
+        linked.objects.link(came)
     for other in others:
-        if other not in hanging:
-            linked.unlink(other)
+        if other.name not in context.scene.objects:
+            linked.objects.link(other)
     context.view_layer.update()
-    brought[name] = [obj, *hanging]
-    return obj
+    source = _character(came)
+    if source is None:
+        raise UnusableObjectError(f"'{name}' in {file} has no meshes")
+    hanging = companions.hanging_on(source.whole) if with_objects else []
+    belonging = [*source.whole, *hanging, *character.holders(source.whole)]
+    for other in others:
+        if other not in belonging:
+            for collection in other.users_collection:
+                collection.objects.unlink(other)
+    context.view_layer.update()
+    return source, list(dict.fromkeys([came, *belonging] if came in belonging else belonging))
+
+
+def _append(file, name, with_others):
+    """The object, or else the collection, of this name, and all other objects if they are wanted."""
+    with bpy.data.libraries.load(str(file), link=False) as (there, here):
+        if name in there.objects:
+            here.objects = [name, *(other for other in there.objects if with_others and other != name)]
+        elif name in there.collections:
+            here.collections = [name]
+            here.objects = [other for other in there.objects if with_others]
+        else:
+            raise UnusableObjectError(f"There is no object or collection named '{name}' in {file}")
+    return [*here.collections, *here.objects]
+
+
+def _character(found):
+    """The mesh by itself, the whole character of an armature or empty, or that of a collection."""
+    if isinstance(found, bpy.types.Collection):
+        return character.of_owner(found)
+    return character.of(found) if found.type in HOLDERS else character.alone(found)
+
+
+def _named(place, name):
+    """The character of the object or collection of this name in a scene, None where there is none with a
+    mesh.
+    """
+    found = place["view_layer"].objects.get(name) or next(
+        (each for each in place["scene"].collection.children_recursive if each.name == name), None
+    )
+    return None if found is None else _character(found)
 
 
 def _remove(brought):
     for obj in brought:
         data = obj.data
         bpy.data.objects.remove(obj)
-        if not data.users:
+        # An empty has none.
+        if data is not None and not data.users:
             bpy.data.batch_remove([data])
 
 
 def _targets(context, pattern, sources, hanging):
-    """Mesh objects that the pattern means, in whichever scene, each with its place; `sources` are left out.
+    """Characters that the pattern means, each with its place: meshes by themselves, else armatures, empties
+    and collections.
 
-    Wildcards mean neither what the source brings along (`hanging`) nor what was made for a target from that.
+    `sources` are left out. Wildcards mean neither what the source brings along (`hanging`) nor what was made
+    for a target from that.
     """
+    left_out = [*sources, *character.holders(sources)]
     candidates = {}
     for place in _places(context):
-        for obj in place["view_layer"].objects:
-            if obj.type == "MESH" and obj not in sources:
-                candidates.setdefault(obj, place)
-    named = [obj for obj in candidates if obj.name == pattern]
-    named = named or [
-        obj
-        for obj in candidates
-        if fnmatchcase(obj.name, pattern) and MADE_FROM not in obj and obj not in hanging
-    ]
-    if not named:
-        raise UnusableObjectError(f"There is no mesh named '{pattern}' in any scene of this file")
-    return [(obj, candidates[obj]) for obj in named]
+        objects = [obj for obj in place["view_layer"].objects if obj not in left_out]
+        meshes = [obj for obj in objects if obj.type == "MESH"]
+        holders = [obj for obj in objects if obj.type in HOLDERS]
+        for way, found in enumerate((meshes, holders, place["scene"].collection.children_recursive)):
+            for each in found:
+                candidates.setdefault(each, (way, place))
+    for matches in (str.__eq__, fnmatchcase):
+        for wanted in range(3):
+            found = {}
+            for each, (way, place) in candidates.items():
+                is_made = matches is fnmatchcase and (MADE_FROM in each or each in hanging)
+                if way != wanted or is_made or not matches(each.name, pattern):
+                    continue
+                body = _character(each)
+                if body is not None:
+                    found.setdefault(body.owner, (body, place))
+            if found:
+                return list(found.values())
+    raise UnusableObjectError(
+        f"There is no mesh, nor an armature or collection with meshes, named '{pattern}' in any scene of "
+        "this file"
+    )
 
 
 def _pair(context, job, request, source, target):
     entry = {"source": source.name, "target": target.name, "status": "failed", "notes": []}
+    if len(target.pieces) > 1:
+        entry["meshes"] = [piece.name for piece in target.pieces]
     begun = time.monotonic()
     try:
-        if target.data == source.data:
+        given = {piece.data for piece in source.pieces}
+        if all(piece.data in given for piece in target.pieces):
             raise UnusableObjectError("source and target share one mesh, so they have the same data already")
         if request.match:
             entry["notes"] += _match(context, request, source, target)
-        stored = target.data.spectral_match
+        matched = [piece for piece in target.pieces if pair.has_match(piece)]
+        stored = (matched or target.pieces)[0].data.spectral_match
         if stored.target_fingerprint:
             entry |= {
                 "grade": stored.grade,
@@ -363,7 +437,7 @@ def _pair(context, job, request, source, target):
             entry["notes"] += carry(
                 context,
                 source,
-                target,
+                matched or target.pieces,
                 context.scene.spectral_match,
                 lambda kind, _name: kind.identifier in job.kinds,
             )

@@ -6,14 +6,17 @@ from dataclasses import dataclass
 import bpy
 
 from . import stored_match
+from .character import holds, pieces_of
 from .mesh_read import UnusableObjectError
-from .pair import resolve
+from .pair import shown
 
 
 @dataclass(frozen=True)
 class Ends:
-    """The two vertices of a landmark, seen from the source and the target chosen now."""
+    """The two vertices of a landmark and their objects, seen from the source and the target chosen now."""
 
+    source: bpy.types.Object
+    target: bpy.types.Object
     source_vertex: int
     target_vertex: int
     source_topology: str
@@ -21,15 +24,17 @@ class Ends:
 
 
 def ends(landmark, source, target):
-    """The landmark's vertices, exchanged when the roles were swapped; None when it is another pair's."""
+    """The landmark's vertices, exchanged when the roles were swapped; None when it is another pair's.
+
+    Source and target are characters, or objects by themselves.
+    """
     first, second = (
-        (landmark.source_vertex, landmark.source_topology),
-        (landmark.target_vertex, landmark.target_topology),
+        (landmark.source, landmark.source_vertex, landmark.source_topology),
+        (landmark.target, landmark.target_vertex, landmark.target_topology),
     )
-    if (landmark.source, landmark.target) == (source, target):
-        return Ends(first[0], second[0], first[1], second[1])
-    if (landmark.source, landmark.target) == (target, source):
-        return Ends(second[0], first[0], second[1], first[1])
+    for (a, at_a, print_a), (b, at_b, print_b) in ((first, second), (second, first)):
+        if holds(source, a) and holds(target, b):
+            return Ends(a, b, at_a, at_b, print_a, print_b)
     return None
 
 
@@ -41,7 +46,7 @@ def of_pair(settings, source, target):
 
 def listed(context):
     """Places in the scene's list of the chosen pairs' landmarks, which are those that the panel shows."""
-    chosen = resolve(context)
+    chosen = shown(context)
     return [
         place
         for place, landmark in enumerate(context.scene.spectral_match.landmarks)
@@ -49,25 +54,39 @@ def listed(context):
     ]
 
 
-def outdated(pair, source, target):
+def outdated(pair):
     """The object whose vertices were renumbered since the landmark was picked, or None."""
-    for obj, topology in ((source, pair.source_topology), (target, pair.target_topology)):
+    for obj, topology in ((pair.source, pair.source_topology), (pair.target, pair.target_topology)):
         if stored_match.current_fingerprint(obj.data).topology != topology:
             return obj
     return None
 
 
 def vertex_pairs(settings, source, target):
-    """What the core takes: [(source vertex, target vertex)]; an outdated landmark is refused in words."""
-    pairs = []
+    """What the core takes: [(source vertex, target vertex)], in figures counted through all their pieces.
+
+    A landmark that is outdated, or on a piece that is left out, is refused in words.
+    """
+    pairs, before = [], {}
+    for body in (source, target):
+        count = 0
+        for obj in pieces_of(body):
+            before[obj] = count
+            count += len(obj.data.vertices)
     for landmark, pair in of_pair(settings, source, target):
-        changed = outdated(pair, source, target)
+        for obj in (pair.source, pair.target):
+            if obj not in before:
+                raise UnusableObjectError(
+                    f"Landmark '{landmark.name}' is on '{obj.name}', which is left out. Check '{obj.name}' "
+                    "under Pieces, or remove the landmark under Fix"
+                )
+        changed = outdated(pair)
         if changed is not None:
             raise UnusableObjectError(
                 f"'{changed.name}' got other vertices since landmark '{landmark.name}' was picked. "
                 "Remove the landmark under Fix, or pick it again"
             )
-        pairs.append((pair.source_vertex, pair.target_vertex))
+        pairs.append((before[pair.source] + pair.source_vertex, before[pair.target] + pair.target_vertex))
     return pairs
 
 

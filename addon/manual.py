@@ -8,7 +8,10 @@ import bpy
 
 # Operators and properties by page.
 PAGES = {
-    "match": ("match", "cancel", "pin", "swap_roles", "reset", "add_preset"),
+    "match": (
+        *("match", "cancel", "pin", "swap_roles", "toggle_piece", "reset_pieces"),
+        *("reset", "add_preset"),
+    ),
     "result": ("show", "lines", "morph"),
     "fix": ("alternative", "swap_sides", "pick_landmarks", "remove_landmark", "go_to_landmark"),
     "transfer": ("transfer", "toggle_item"),

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from . import completion, morph
+from . import character, completion, morph
 
 
 class UnusableObjectError(Exception):
@@ -146,6 +146,11 @@ def triangle_corners(mesh):
     """`loop_triangles` as corner ids (m, 3), and the face of every triangle (m,), both int32."""
     corners, faces, unsure = value_of(_fans(positions(mesh), corner_vertices(mesh), face_starts(mesh)))
     return _as_blender_has_them(mesh, corners, faces, unsure), faces
+
+
+def triangle_vertices(mesh):
+    """Vertices of the `loop_triangles`, (m, 3) int32."""
+    return corner_vertices(mesh)[triangle_corners(mesh)[0]]
 
 
 def value_of(generator):
@@ -332,6 +337,14 @@ def place(context, objects):
         held.unlink(obj)
     for obj in off:
         obj.hide_viewport = True
+
+
+def present(uid, name):
+    """The object with this session id; raises `UnusableObjectError` when it was deleted."""
+    obj = find_object(bpy.data.objects, uid)
+    if not character.is_there(obj):
+        raise UnusableObjectError(f"'{name}' was deleted while the match was running. Undo, or match again")
+    return obj
 
 
 def find_object(scene_objects, uid):

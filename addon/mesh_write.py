@@ -1,16 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Turn arrays into attributes of a mesh, and a finished match into the attributes that artists use."""
 
+import uuid
 from contextlib import contextmanager
 
 import bpy
 import numpy as np
 
-from . import palette
+from . import figure, palette
 from .mesh_read import UnusableObjectError, matched_bodies
 
 # Names of our own attributes begin so: they are never carried.
 OURS = "match_"
+# Which mesh of a source of several has the image. Without it, its only one.
+PIECE = "match_piece"
 # In which mirrors of a half source the image lies: bit k for the k-th one. Without it, in none.
 MATCH_IMAGE = "match_image"
 
@@ -140,8 +143,11 @@ def image_points(points, triangles, faces, barycentric):
     return np.einsum("ij,ijc->ic", barycentric, points[triangles[faces]])
 
 
-def write_match(source, target, source_surface, target_surface, found):
-    """Write one correspondence as attributes: colours on both meshes, the map itself on the target."""
+def write_match(sources, targets, source_surface, target_surface, found):
+    """Write one correspondence as attributes: colours on all pieces, the map itself on those of the target.
+
+    `sources` and `targets` are the objects of the two surfaces' pieces.
+    """
     source_body, _ = matched_bodies(source_surface, target_surface)
     # Of a completed target the modelled vertices are the first.
     modelled = slice(len(target_surface.local))
@@ -149,36 +155,74 @@ def write_match(source, target, source_surface, target_surface, found):
     faces, barycentric = source_surface.from_core(source_body, *shown)
     confidence = np.asarray(found.confidence)[modelled]
     position = image_points(source_surface.local, source_surface.triangles, faces, barycentric)
-    mesh = target.data
     image = source_body.image[shown[0]]
-    if image.any():
+    beyond = image > 0
+    if beyond.any():
         _, triangles = source_surface.for_core(source_body)
-        beyond = image > 0
         position[beyond] = image_points(source_body.points, triangles, *(each[beyond] for each in shown))
-        write_attribute(mesh, MATCH_IMAGE, "INT", "POINT", image)
-    elif MATCH_IMAGE in mesh.attributes:
-        mesh.attributes.remove(mesh.attributes[MATCH_IMAGE])
-    write_attribute(mesh, "match_position", "FLOAT_VECTOR", "POINT", position)
+    places = *figure.in_pieces(source_surface, faces, barycentric), image
+    written = set()
+    for target, part in zip(targets, figure.parts(target_surface), strict=True):
+        mesh, own = target.data, part.vertices
+        if mesh not in written:
+            written.add(mesh)
+            write_attribute(mesh, "match_position", "FLOAT_VECTOR", "POINT", position[own])
+            write_places(mesh, len(sources) > 1, *(values[own] for values in places))
+            write_attribute(mesh, "match_confidence", "FLOAT", "POINT", confidence[own])
+            if HEAT in mesh.attributes:
+                write_heat(mesh)
+    colours, pieces = palette.surface_colours(source_surface.local), figure.parts(source_surface)
+    write_colours(
+        sources,
+        targets,
+        [colours[part.vertices] for part in pieces],
+        [part.surface.triangles for part in pieces],
+    )
+    _remember(sources, targets, source_surface, target_surface, found.quality, confidence)
+
+
+def write_places(mesh, of_many, piece, faces, barycentric, image):
+    """Write where each vertex's image is: the piece of the source, its modelled triangle, the weights there,
+    and in which mirrors of that piece.
+    """
     write_attribute(mesh, "match_face", "INT", "POINT", faces)
     write_attribute(mesh, "match_barycentric", "FLOAT_VECTOR", "POINT", barycentric)
-    write_attribute(mesh, "match_confidence", "FLOAT", "POINT", confidence)
-    if HEAT in mesh.attributes:
-        write_heat(mesh)
-    write_colours(source, target, source_surface.local, source_surface.triangles)
-    _remember(source, mesh, source_surface, target_surface, found.quality, confidence)
+    for name, there, values in ((PIECE, of_many, piece), (MATCH_IMAGE, image.any(), image)):
+        if there:
+            write_attribute(mesh, name, "INT", "POINT", values)
+        elif name in mesh.attributes:
+            mesh.attributes.remove(mesh.attributes[name])
 
 
-def write_colours(source, target, points, triangles):
-    """Colour both bodies by where on the source, of these points and triangles, the target's match leads."""
-    colours = palette.surface_colours(points)
-    faces, barycentric = (
-        read_attribute(target.data.attributes[name]) for name in ("match_face", "match_barycentric")
+def read_places(mesh):
+    """What `write_places` wrote: (n,), (n,), (n, 3) and (n,)."""
+    faces = read_attribute(mesh.attributes["match_face"])
+    piece, image = (
+        np.zeros(len(faces), np.int32) if kept is None else read_attribute(kept)
+        for kept in (mesh.attributes.get(name) for name in (PIECE, MATCH_IMAGE))
     )
-    carried = image_points(colours, triangles, faces, barycentric)
-    for mesh, values in ((target.data, carried), (source.data, colours)):
-        if mesh.is_editable:
-            write_attribute(mesh, "match_color", "FLOAT_COLOR", "POINT", values)
-            mesh.update()
+    return piece, faces, read_attribute(mesh.attributes["match_barycentric"]), image
+
+
+def write_colours(sources, targets, colours, triangles):
+    """Give the sources these colours of their vertices, and each vertex of the targets that of its image in
+    their triangles.
+    """
+    for target in targets:
+        piece, faces, barycentric, _ = read_places(target.data)
+        carried = np.zeros((len(faces), 4))
+        for number in np.unique(piece).tolist():
+            here = piece == number
+            carried[here] = image_points(colours[number], triangles[number], faces[here], barycentric[here])
+        _write_colour(target.data, carried)
+    for source, values in zip(sources, colours, strict=True):
+        _write_colour(source.data, values)
+
+
+def _write_colour(mesh, values):
+    if mesh.is_editable:
+        write_attribute(mesh, "match_color", "FLOAT_COLOR", "POINT", values)
+        mesh.update()
 
 
 HEAT = "match_heat"
@@ -190,14 +234,23 @@ def write_heat(mesh):
     write_attribute(mesh, HEAT, "FLOAT_COLOR", "POINT", palette.heat_colours(confidence))
 
 
-def _remember(source, mesh, source_surface, target_surface, quality, confidence):
-    stored = mesh.spectral_match
-    for obj in bpy.data.objects:
-        if obj.data == mesh and obj.is_editable:
-            obj.spectral_match_source = source
-    stored.source_name = source.name
-    stored.source_fingerprint = str(source_surface.fingerprint)
-    stored.target_fingerprint = str(target_surface.fingerprint)
-    stored.grade = quality.grade
-    stored.reasons = "\n".join(quality.reasons)
-    stored.mean_confidence = float(np.mean(confidence)) if len(confidence) else 0.0
+def _remember(sources, targets, source_surface, target_surface, quality, confidence):
+    pieces = figure.parts(source_surface)
+    prints = [str(part.surface.fingerprint) for part in pieces]
+    mates = uuid.uuid4().hex if len(targets) > 1 else ""
+    for target, part in zip(targets, figure.parts(target_surface), strict=True):
+        stored = target.data.spectral_match
+        for obj in bpy.data.objects:
+            if obj.data == target.data and obj.is_editable:
+                obj.spectral_match_source = sources[0]
+                obj.spectral_match_pieces.clear()
+                for source, kept in zip(sources, prints, strict=True) if len(sources) > 1 else ():
+                    piece = obj.spectral_match_pieces.add()
+                    piece.object, piece.name, piece.fingerprint = source, source.name, kept
+        stored.source_name = sources[0].name
+        stored.source_fingerprint = prints[0]
+        stored.target_fingerprint = str(part.surface.fingerprint)
+        stored.figure = mates
+        stored.grade = quality.grade
+        stored.reasons = "\n".join(quality.reasons)
+        stored.mean_confidence = float(np.mean(confidence)) if len(confidence) else 0.0

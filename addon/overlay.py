@@ -16,9 +16,11 @@ from gpu_extras.batch import batch_for_shader
 from mathutils import Vector
 
 from . import completion, landmarks, mesh_read, pair, palette, stored_match
-from .mesh_write import read_attribute
+from .mesh_write import read_attribute, read_places
 
 LINES = 80
+# Each mesh of a character has at least so many of them.
+FEWEST_LINES = 2
 # Sample points are spread over at most so many vertices, to be found in a few milliseconds.
 CANDIDATES = 6000
 LINE_WIDTH = 1.6
@@ -55,13 +57,14 @@ picking: Picking | None = None
 
 @dataclass(frozen=True)
 class _Samples:
-    """Sampled vertices of a target, corners and weights of their images, and colours.
+    """Sampled vertices of a target; piece of the source, corners and weights of their images; and colours.
 
-    `mirroring` (n, 4, 4) takes an image to the half that a Mirror modifier of the source shows.
+    `mirroring` (n, 4, 4) takes an image to the half that a Mirror modifier of its piece shows.
     """
 
     fingerprints: tuple
     vertices: list
+    pieces: np.ndarray
     corners: np.ndarray
     weights: np.ndarray
     mirroring: np.ndarray
@@ -97,29 +100,49 @@ def spread(points, many):
     return np.array(chosen)
 
 
-def _samples_of(source, target):
+def _samples_of(sources, target, many=LINES):
     """What to draw for this target; sampled anew when a mesh or the match changed."""
-    prints = (stored_match.current_fingerprint(source.data), stored_match.current_fingerprint(target.data))
+    prints = tuple(stored_match.current_fingerprint(obj.data) for obj in (*sources, target))
     known = _samples.get(target.data.session_uid)
     # The very same objects: a new match drops them even when the meshes are as before.
-    if known is not None and all(a is b for a, b in zip(known.fingerprints, prints, strict=True)):
+    if known is not None and (
+        len(known.fingerprints) == len(prints)
+        and all(a is b for a, b in zip(known.fingerprints, prints, strict=True))
+    ):
         return known
     mesh = target.data
     points = mesh_read.positions(mesh)
     candidates = np.linspace(0, len(points) - 1, min(len(points), CANDIDATES)).astype(int)
-    vertices = candidates[spread(points[candidates], LINES)]
-    faces = read_attribute(mesh.attributes["match_face"])[vertices]
+    vertices = candidates[spread(points[candidates], many)]
+    piece, faces, barycentric, image = read_places(mesh)
     confidence = read_attribute(mesh.attributes["match_confidence"])[vertices]
-    source.data.calc_loop_triangles()
-    triangles = source.data.loop_triangles
+    triangles = []
+    for source in sources:
+        source.data.calc_loop_triangles()
+        triangles.append(source.data.loop_triangles)
     made = _samples[mesh.session_uid] = _Samples(
         prints,
         vertices.tolist(),
-        np.array([triangles[face].vertices[:] for face in faces.tolist()]),
-        read_attribute(mesh.attributes["match_barycentric"])[vertices],
-        completion.reflections(source, stored_match.images(mesh)[vertices]),
+        piece[vertices],
+        np.array(
+            [
+                triangles[number][face].vertices[:]
+                for number, face in zip(piece[vertices].tolist(), faces[vertices].tolist(), strict=True)
+            ]
+        ),
+        barycentric[vertices],
+        _mirroring(sources, piece[vertices], image[vertices]),
         palette.line_colours(confidence),
     )
+    return made
+
+
+def _mirroring(sources, piece, image):
+    """What takes each image to the half that shows it, in the space of its piece: (n, 4, 4)."""
+    made = np.empty((len(image), 4, 4))
+    for number in np.unique(piece).tolist():
+        here = piece == number
+        made[here] = completion.reflections(sources[number], image[here])
     return made
 
 
@@ -147,26 +170,28 @@ def _draw_lines():
         return
     depsgraph = context.evaluated_depsgraph_get()
     ends, colours = [], []
-    chosen = pair.resolve(context).source
-    for target in pair.matched(context):
-        source = target.spectral_match_source
-        if (
-            not stored_match.state(target, chosen).usable
-            or source.data.is_editmode
-            or target.data.is_editmode
-        ):
+    chosen = pair.shown(context).source
+    matched = [(piece, body) for body in pair.matched(context) for piece in body.pieces]
+    for target, body in matched:
+        share = LINES / sum(len(piece.data.vertices) for piece in body.pieces)
+        if not stored_match.state(target, chosen).usable:
             continue
-        if not (source.visible_get() and target.visible_get()):
+        sources = [obj for obj, _, _ in stored_match.sources_of(target)]
+        if any(obj.data.is_editmode for obj in (*sources, target)) or not target.visible_get():
             continue
-        samples = _samples_of(source, target)
-        corners = world_points(source, depsgraph, samples.corners.ravel().tolist()).reshape(-1, 3, 3)
-        images = np.einsum("ij,ijc->ic", samples.weights, corners)
-        placed = np.array(source.matrix_world)
-        shown = placed @ samples.mirroring @ np.linalg.inv(placed)
-        images = np.einsum("ijk,ik->ij", shown[:, :3, :3], images) + shown[:, :3, 3]
+        samples = _samples_of(sources, target, max(FEWEST_LINES, round(share * len(target.data.vertices))))
         start = world_points(target, depsgraph, samples.vertices)
-        ends.append(np.stack([start, images], axis=1).reshape(-1, 3))
-        colours.append(np.repeat(samples.colours, 2, axis=0))
+        for number, source in enumerate(sources):
+            here = samples.pieces == number
+            if not here.any() or not source.visible_get():
+                continue
+            corners = world_points(source, depsgraph, samples.corners[here].ravel().tolist())
+            images = np.einsum("ij,ijc->ic", samples.weights[here], corners.reshape(-1, 3, 3))
+            placed = np.array(source.matrix_world)
+            shown = placed @ samples.mirroring[here] @ np.linalg.inv(placed)
+            images = np.einsum("ijk,ik->ij", shown[:, :3, :3], images) + shown[:, :3, 3]
+            ends.append(np.stack([start[here], images], axis=1).reshape(-1, 3))
+            colours.append(np.repeat(samples.colours[here], 2, axis=0))
     if not ends:
         return
     ends, colours = np.concatenate(ends).astype(np.float32), np.concatenate(colours)
@@ -199,12 +224,12 @@ def _draw_marks():
         return
     depsgraph = context.evaluated_depsgraph_get()
     gpu.state.blend_set("ALPHA")
-    found = pair.resolve(context)
+    found = pair.shown(context)
     chosen = settings.landmark_index
     for target in found.targets if found.source is not None else ():
         for landmark, ends in landmarks.of_pair(settings, found.source, target):
             number = settings.landmarks.find(landmark.name)
-            for obj, vertex in ((found.source, ends.source_vertex), (target, ends.target_vertex)):
+            for obj, vertex in ((ends.source, ends.source_vertex), (ends.target, ends.target_vertex)):
                 if vertex < len(obj.data.vertices) and obj.visible_get():
                     _draw_mark(context, depsgraph, obj, vertex, number, number == chosen)
     if picking is not None:

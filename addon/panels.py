@@ -2,14 +2,16 @@
 """The sidebar tab Match: the workflow from top to bottom. Panels only draw."""
 
 import blf
+import bpy
 from bl_ui.utils import PresetPanel
 from bpy.types import Panel, UIList
 
 from . import job as job_module
 from . import landmarks, morph, notice, overlay, pair, stored_match
+from .character import is_there
 from .operators import pick, show
 from .operators.settings import PRESETS
-from .transfer import KINDS
+from .transfer import KINDS, names_of
 
 GRADE_ICONS = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
 GRADE_WORDS = {"green": "Good match", "amber": "Check this match", "red": "Poor match"}
@@ -23,6 +25,8 @@ ADVICE = {
 SWAP_BACK = "Press Swap Left and Right again to go back"
 # More results than these are listed a line each.
 MOST_BOXES = 3
+# Pieces of a character that are listed without scrolling.
+MOST_ROWS = 8
 # Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
 PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 60, 10, 20
 # The button that hides a message, with the gap before it.
@@ -56,6 +60,19 @@ def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, be
         column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
 
 
+def state_of(target, source):
+    """The state of a character's match, or of the worst one where its meshes were matched in several."""
+    states = [stored_match.state_of(each, source) for each in stored_match.matched_together(target.pieces)]
+    return min(states, key=lambda each: (each.usable, not each.words))
+
+
+def icon_of(body):
+    """What the outliner shows before that which holds a character together."""
+    if isinstance(body.owner, bpy.types.Collection):
+        return "OUTLINER_COLLECTION"
+    return f"OUTLINER_OB_{body.owner.type}"
+
+
 class MatchTab:
     bl_space_type = "VIEW_3D"
     bl_region_type = "UI"
@@ -86,7 +103,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
     def draw(self, context):
         layout = self.layout
         settings = context.scene.spectral_match
-        found = pair.resolve(context)
+        found = pair.shown(context)
         self._draw_pair(layout, settings, found)
         job = job_module.current
         if job is None:
@@ -107,25 +124,42 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
     def _draw_pair(layout, settings, found):
         row = layout.row(align=False)
         column = row.column(align=True)
-        if settings.pinned:
-            column.prop(settings, "source", text="")
-            column.prop(settings, "target", text="")
-        else:
-            for label, names in (("From", [found.source] if found.source else []), ("To", found.targets)):
-                split = column.box().row().split(factor=0.2)
-                caption = split.row()
-                caption.active = False
-                caption.label(text=label)
-                if len(names) > 1:
-                    split.label(text=f"{len(names)} meshes", icon="OUTLINER_OB_MESH")
-                elif names:
-                    split.label(text=names[0].name, icon="OUTLINER_OB_MESH")
-                else:
-                    split.label(text="Nothing chosen")
+        for label, end, bodies in (
+            ("From", "source", [found.source] if found.source else []),
+            ("To", "target", found.targets),
+        ):
+            if settings.pinned:
+                VIEW3D_PT_spectral_match._draw_fields(column, settings, end)
+            # A field says itself what it holds, but not of how many meshes that is.
+            if not settings.pinned or any(len(body.whole) > 1 for body in bodies):
+                VIEW3D_PT_spectral_match._draw_chosen(column, label, bodies)
         buttons = row.column(align=True)
         buttons.scale_y = 1.0 if settings.pinned else 1.4
         buttons.operator("spectral_match.pin", text="", icon="PINNED" if settings.pinned else "UNPINNED")
         buttons.operator("spectral_match.swap_roles", text="", icon="UV_SYNC_SELECT")
+
+    @staticmethod
+    def _draw_fields(column, settings, end):
+        """A field for an object and, while that is empty, one for a collection."""
+        collection = f"{end}_collection"
+        if getattr(settings, end) is not None or getattr(settings, collection) is None:
+            column.prop(settings, end, text="")
+        if getattr(settings, end) is None:
+            column.prop(settings, collection, text="")
+
+    @staticmethod
+    def _draw_chosen(column, label, bodies):
+        split = column.box().row().split(factor=0.2)
+        caption = split.row()
+        caption.active = False
+        caption.label(text=label)
+        if len(bodies) > 1:
+            many = any(len(body.whole) > 1 for body in bodies)
+            split.label(text=f"{len(bodies)} {'characters' if many else 'meshes'}", icon="OUTLINER_OB_MESH")
+        elif bodies:
+            split.label(text=bodies[0].label, icon=icon_of(bodies[0]))
+        else:
+            split.label(text="Nothing chosen")
 
     @staticmethod
     def _draw_button(layout, settings, found):
@@ -169,6 +203,94 @@ class MatchedSubPanel(SubPanel):
         return bool(pair.matched(context))
 
 
+class PiecesList(UIList):
+    """All objects of the file, of which only the meshes of one character are listed."""
+
+    bl_options = set()
+    use_filter_show = False
+
+    @staticmethod
+    def bodies(context):
+        raise NotImplementedError
+
+    def draw_item(self, context, layout, _data, obj, _icon, _active_data, _active_name, index=0, _flag=0):
+        taken = any(obj in body.pieces for body in self.bodies(context))
+        row = layout.row(align=True)
+        button = row.operator(
+            "spectral_match.toggle_piece",
+            text="",
+            icon="CHECKBOX_HLT" if taken else "CHECKBOX_DEHLT",
+            emboss=False,
+        )
+        button.piece = obj.name
+        name = row.row()
+        name.active = taken
+        name.label(text=obj.name, translate=False)
+
+    def filter_items(self, context, data, name):
+        listed = {obj for body in self.bodies(context) for obj in body.whole}
+        wanted = self.filter_name.lower()
+        shown = [
+            self.bitflag_filter_item if obj in listed and wanted in obj.name.lower() else 0
+            for obj in getattr(data, name)
+        ]
+        return shown, []
+
+
+class VIEW3D_UL_spectral_match_source_pieces(PiecesList):
+    @staticmethod
+    def bodies(context):
+        source = pair.shown(context).source
+        return [] if source is None else [source]
+
+
+class VIEW3D_UL_spectral_match_target_pieces(PiecesList):
+    @staticmethod
+    def bodies(context):
+        return pair.shown(context).targets
+
+
+class VIEW3D_PT_spectral_match_pieces(SubPanel, Panel):
+    bl_label = "Pieces"
+    bl_options = {"DEFAULT_CLOSED"}
+    bl_order = 0
+
+    @classmethod
+    def poll(cls, context):
+        found = pair.shown(context)
+        return any(len(body.whole) > 1 for body in (found.source, *found.targets) if body is not None)
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.spectral_match
+        for end, of_end in (
+            ("source", VIEW3D_UL_spectral_match_source_pieces),
+            ("target", VIEW3D_UL_spectral_match_target_pieces),
+        ):
+            bodies = of_end.bodies(context)
+            count = sum(len(body.whole) for body in bodies)
+            if count < 2:
+                continue
+            column = layout.column()
+            row = column.row()
+            row.label(
+                text=bodies[0].label if len(bodies) == 1 else f"{len(bodies)} characters",
+                icon=icon_of(bodies[0]),
+            )
+            row.operator(
+                "spectral_match.reset_pieces", text="", icon="LOOP_BACK", emboss=False
+            ).end = end.upper()
+            column.template_list(
+                of_end.__name__,
+                "",
+                bpy.data,
+                "objects",
+                settings,
+                f"{end}_piece",
+                rows=min(count, MOST_ROWS),
+                maxrows=MOST_ROWS,
+            )
+
+
 class VIEW3D_PT_spectral_match_options(SubPanel, Panel):
     bl_label = "Match Options"
     bl_options = {"DEFAULT_CLOSED"}
@@ -179,6 +301,7 @@ class VIEW3D_PT_spectral_match_options(SubPanel, Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         settings = context.scene.spectral_match
+        layout.prop(settings, "whole_characters")
         layout.prop(settings, "shape")
         layout.prop(settings, "part")
         layout.prop(settings, "allow_mirror")
@@ -193,18 +316,18 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         layout = self.layout
         matched = pair.matched(context)
         column = layout.column(align=True)
-        source = pair.resolve(context).source
+        source = pair.shown(context).source
         for target in matched:
-            now = stored_match.state(target, source)
+            now = state_of(target, source)
             if len(matched) > MOST_BOXES:
                 self._draw_line(column, target, now)
             else:
                 self._draw_box(context, layout, target, now, named=len(matched) > 1)
-        self._draw_show(context, layout, matched)
+        self._draw_show(context, layout, [piece for target in matched for piece in target.pieces])
 
     @staticmethod
     def _draw_line(column, target, now):
-        stored = target.data.spectral_match
+        stored = target.lead.data.spectral_match
         row = column.row()
         row.alert = not now.usable or stored.grade == "red"
         row.label(text=target.name, icon=GRADE_ICONS.get(stored.grade, "QUESTION") if now.usable else "ERROR")
@@ -216,10 +339,10 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
 
     @staticmethod
     def _draw_box(context, layout, target, now, *, named):
-        stored = target.data.spectral_match
+        stored = target.lead.data.spectral_match
         box = layout.box().column()
         if named:
-            box.label(text=target.name, icon="OUTLINER_OB_MESH")
+            box.label(text=target.name, icon=icon_of(target))
         if not now.usable:
             draw_words(context, box, now.words, "ERROR", boxed=True)
             return
@@ -268,7 +391,7 @@ class VIEW3D_UL_spectral_match_landmarks(UIList):
     """The landmarks of the chosen pair."""
 
     def draw_item(self, context, layout, data, item, _icon, _active_data, _active_name, index=0, _flag=0):
-        found = pair.resolve(context)
+        found = pair.shown(context)
         row = layout.row(align=True)
         number = row.row()
         number.alignment = "LEFT"
@@ -279,7 +402,7 @@ class VIEW3D_UL_spectral_match_landmarks(UIList):
             ends = landmarks.ends(item, found.source, target)
             if ends is None:
                 continue
-            if landmarks.outdated(ends, found.source, target) is not None:
+            if landmarks.outdated(ends) is not None:
                 row.label(text="outdated", icon="ERROR")
                 return
             where = row.row()
@@ -301,7 +424,7 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
     def draw(self, context):
         layout = self.layout
         settings = context.scene.spectral_match
-        stored = pair.matched(context)[0].data.spectral_match
+        stored = pair.matched(context)[0].lead.data.spectral_match
         advice = SWAP_BACK if stored.swapped_sides else ADVICE.get(stored.grade, ADVICE["amber"])
         draw_words(context, layout, advice, "INFO")
         column = layout.column(align=True)
@@ -328,7 +451,7 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
             draw_words(context, column.box(), pick.hint(context), "RESTRICT_SELECT_OFF", boxed=True)
         else:
             column.operator("spectral_match.pick_landmarks", icon="RESTRICT_SELECT_OFF")
-        found = pair.resolve(context)
+        found = pair.shown(context)
         if not any(landmarks.of_pair(settings, found.source, target) for target in found.targets):
             return
         row = column.row()
@@ -355,9 +478,10 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
     def draw(self, context):
         layout = self.layout
         settings = context.scene.spectral_match
-        matched, chosen = pair.matched(context), pair.resolve(context).source
-        source = chosen or matched[0].spectral_match_source
-        if not pair.is_there(source):
+        matched, chosen = pair.matched_pieces(context), pair.shown(context).source
+        sources = [obj for target in matched for obj, _, _ in stored_match.sources_of(target)]
+        sources = [obj for obj in dict.fromkeys(sources) if is_there(obj) and obj.type == "MESH"]
+        if not sources:
             layout.label(text="The source is gone", icon="ERROR")
             return
         elsewhere = [stored_match.matched_elsewhere(target, chosen) for target in matched]
@@ -366,7 +490,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
             return
         column = layout.column(align=True)
         for kind in KINDS:
-            self._draw_kind(column, settings, kind, kind.names(source))
+            self._draw_kind(column, settings, kind, names_of(kind, sources))
         row = layout.row()
         row.scale_y = BIG
         row.operator("spectral_match.transfer", icon="IMPORT")
@@ -417,7 +541,7 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
 
     def draw(self, context):
         layout = self.layout
-        count = len(pair.resolve(context).targets)
+        count = len(pair.shown(context).targets)
         if count > 1:
             words = f"Match and transfer the checked data to all {count} selected targets"
         else:
@@ -428,8 +552,11 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
 
 CLASSES = (
     VIEW3D_UL_spectral_match_landmarks,
+    VIEW3D_UL_spectral_match_source_pieces,
+    VIEW3D_UL_spectral_match_target_pieces,
     VIEW3D_PT_spectral_match_presets,
     VIEW3D_PT_spectral_match,
+    VIEW3D_PT_spectral_match_pieces,
     VIEW3D_PT_spectral_match_options,
     VIEW3D_PT_spectral_match_result,
     VIEW3D_PT_spectral_match_fix,

@@ -11,19 +11,21 @@ from bpy.props import (
     PointerProperty,
     StringProperty,
 )
-from bpy.types import Object, PropertyGroup
+from bpy.types import Collection, Object, PropertyGroup
 
+from .character import AUTOMATIC, LEFT_OUT, TAKEN
 from .transfer import TransferChoice, TransferOptions
 
 
-def _is_mesh(_settings, obj):
-    return obj.type == "MESH"
+def _holds_meshes(_settings, obj):
+    return obj.type in {"MESH", "ARMATURE"} or (obj.type == "EMPTY" and bool(obj.children))
 
 
 class SPECTRAL_MATCH_PG_stored_match(PropertyGroup):
     """On a target mesh, beside the `match_*` attributes: where the match came from and how good it is."""
 
     identifier: StringProperty(description="Other than that of every other match")
+    figure: StringProperty(description="The same on all meshes of a character that were matched together")
     source_name: StringProperty()
     source_fingerprint: StringProperty()
     target_fingerprint: StringProperty()
@@ -34,6 +36,13 @@ class SPECTRAL_MATCH_PG_stored_match(PropertyGroup):
     alternative: IntProperty(description="Which of the maps found is the stored one, 0 the best")
     alternatives: IntProperty(description="How many maps were found")
     swapped_sides: BoolProperty()
+
+
+class SPECTRAL_MATCH_PG_piece(PropertyGroup):
+    """One of the meshes of a source that are a character together; `name` is the one that it had."""
+
+    object: PointerProperty(type=Object)
+    fingerprint: StringProperty()
 
 
 class SPECTRAL_MATCH_PG_landmark(PropertyGroup):
@@ -62,20 +71,42 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
     source: PointerProperty(
         name="Source",
         type=Object,
-        poll=_is_mesh,
+        poll=_holds_meshes,
         description="The character that has the data to be carried over",
     )
     target: PointerProperty(
-        name="Target", type=Object, poll=_is_mesh, description="The character that receives the data"
+        name="Target", type=Object, poll=_holds_meshes, description="The character that receives the data"
     )
+    source_collection: PointerProperty(
+        name="Source Collection",
+        type=Collection,
+        description="A collection whose meshes are the character that has the data",
+    )
+    target_collection: PointerProperty(
+        name="Target Collection",
+        type=Collection,
+        description="A collection whose meshes are the character that receives the data",
+    )
+    whole_characters: BoolProperty(
+        name="Whole Characters",
+        default=True,
+        description="Match all meshes of a character together, whichever of them is chosen. Off: match the "
+        "chosen meshes by themselves",
+    )
+    source_piece: IntProperty(name="Piece", description="Line of the list of the source's meshes")
+    target_piece: IntProperty(name="Piece", description="Line of the list of the target's meshes")
     shape: EnumProperty(
         name="Shape",
         items=(
-            ("ORIGINAL", "Original", "Match the meshes as modelled, without modifiers and shape keys"),
+            (
+                "ORIGINAL",
+                "Original",
+                "Match the meshes as modelled, with rigs at rest, without modifiers and shape keys",
+            ),
             (
                 "EVALUATED",
                 "As Shown",
-                "Match the meshes as modifiers and shape keys show them now. Modifiers that "
+                "Match the meshes as rigs, modifiers and shape keys show them now. Modifiers that "
                 "add or remove vertices must be off",
             ),
         ),
@@ -121,6 +152,7 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
 
 CLASSES = (
     SPECTRAL_MATCH_PG_stored_match,
+    SPECTRAL_MATCH_PG_piece,
     SPECTRAL_MATCH_PG_landmark,
     SPECTRAL_MATCH_PG_skipped,
     SPECTRAL_MATCH_PG_settings,
@@ -134,9 +166,22 @@ def register():
     bpy.types.Mesh.spectral_match = PointerProperty(type=SPECTRAL_MATCH_PG_stored_match)
     # On the object: a mesh that points to an object crashes Blender 5.0 when a script removes that object.
     bpy.types.Object.spectral_match_source = PointerProperty(type=Object)
+    bpy.types.Object.spectral_match_pieces = CollectionProperty(type=SPECTRAL_MATCH_PG_piece)
+    bpy.types.Object.spectral_match_part = EnumProperty(
+        name="Part of the Character",
+        items=(
+            (AUTOMATIC, "Automatic", "Takes part unless it is hidden or held in a hand"),
+            (TAKEN, "Takes Part", "Is matched with its character"),
+            (LEFT_OUT, "Left Out", "Is left out when its character is matched"),
+        ),
+        default=AUTOMATIC,
+        description="Whether this mesh takes part when its character is matched",
+    )
 
 
 def unregister():
+    del bpy.types.Object.spectral_match_part
+    del bpy.types.Object.spectral_match_pieces
     del bpy.types.Object.spectral_match_source
     del bpy.types.Mesh.spectral_match
     del bpy.types.Scene.spectral_match

@@ -6,12 +6,12 @@ from collections import OrderedDict
 from dataclasses import dataclass
 
 import bpy
-import numpy as np
 from bpy.app.handlers import persistent
 
-from . import mesh_read, pair
+from . import figure, mesh_read
+from .character import holds, is_there, pieces_of
 from .mesh_read import Fingerprint, UnusableObjectError
-from .mesh_write import MATCH_IMAGE, read_attribute
+from .mesh_write import PIECE
 
 MATCHED = "MATCHED"
 MOVED = "MOVED"
@@ -53,9 +53,11 @@ _maps: OrderedDict[str, SessionMaps] = OrderedDict()
 _fingerprints: dict[int, Fingerprint] = {}
 
 
-def keep_maps(mesh, maps):
-    """Remember all maps found for this target mesh until another file is opened."""
-    identifier = mesh.spectral_match.identifier = uuid.uuid4().hex
+def keep_maps(meshes, maps):
+    """Remember all maps found for the target's meshes until another file is opened."""
+    identifier = uuid.uuid4().hex
+    for mesh in meshes:
+        mesh.spectral_match.identifier = identifier
     _maps[identifier] = maps
     while len(_maps) > 1 and sum(len(kept.target.local) for kept in _maps.values()) > MOST_KEPT_VERTICES:
         _maps.popitem(last=False)
@@ -64,13 +66,10 @@ def keep_maps(mesh, maps):
 def maps_of(mesh):
     """All maps found with the match that this target mesh has, or None. A copy of it has only the match."""
     maps = _maps.get(mesh.spectral_match.identifier)
-    return maps if maps is not None and maps.target.mesh_uid == mesh.session_uid else None
-
-
-def images(mesh):
-    """In which mirrors of a half source the image of each vertex of this target lies, 0 for none: (n,)."""
-    kept = mesh.attributes.get(MATCH_IMAGE)
-    return np.zeros(len(mesh.vertices), int) if kept is None else read_attribute(kept).astype(int)
+    known = maps is not None and any(
+        part.surface.mesh_uid == mesh.session_uid for part in figure.parts(maps.target)
+    )
+    return maps if known else None
 
 
 def forget_fingerprint(mesh):
@@ -84,10 +83,28 @@ def current_fingerprint(mesh):
     return known
 
 
+def matched_together(targets):
+    """These meshes by the characters in which they were matched."""
+    found = {}
+    for target in targets:
+        found.setdefault(target.data.spectral_match.figure or target, []).append(target)
+    return list(found.values())
+
+
+def sources_of(target):
+    """The meshes that a target was matched with, the lead first: object or None, its name and fingerprint."""
+    pieces = [(piece.object, piece.name, piece.fingerprint) for piece in target.spectral_match_pieces]
+    stored = target.data.spectral_match
+    return pieces or [(target.spectral_match_source, stored.source_name, stored.source_fingerprint)]
+
+
 def matched_elsewhere(target, source):
-    """What to do where `target` was matched with another source than the one chosen, else ""."""
+    """What to do where `target` was matched with another source than the one chosen, else "".
+
+    The source is a character, or an object by itself.
+    """
     own = target.spectral_match_source
-    if source in (None, own) or not pair.is_there(own):
+    if source is None or holds(source, own) or not is_there(own):
         return ""
     return f"'{target.name}' was matched with '{own.name}': match again or choose that one as source"
 
@@ -97,21 +114,28 @@ def state(target, source=None):
 
     Where a source was chosen, it has to be the one that the target was matched with.
     """
-    stored = target.data.spectral_match
-    if not stored.target_fingerprint:
+    return state_of([target], source)
+
+
+def state_of(targets, source=None):
+    """The `state` of meshes that were matched together, which is that of the one worst off."""
+    target = targets[0]
+    if not all(each.data.spectral_match.target_fingerprint for each in targets):
         return State(NONE)
     elsewhere = matched_elsewhere(target, source)
-    source = target.spectral_match_source
-    if not pair.is_there(source) or source.type != "MESH":
-        return State(LOST, f"The source '{stored.source_name}' is gone. Match again with another one")
+    sources = sources_of(target)
+    for obj, name, _ in sources:
+        if not is_there(obj) or obj.type != "MESH":
+            return State(LOST, f"The source '{name}' is gone. Match again with another one")
     if elsewhere:
         return State(ELSEWHERE, elsewhere)
-    if not all(name in target.data.attributes for name in MAP):
-        return State(STALE, f"The match of '{target.name}' was removed from its attributes. Match again")
-    verdicts = [
-        (obj.name, Fingerprint.parse(kept), current_fingerprint(obj.data))
-        for obj, kept in ((source, stored.source_fingerprint), (target, stored.target_fingerprint))
-    ]
+    wanted = MAP if len(sources) == 1 else (*MAP, PIECE)
+    for each in targets:
+        if not all(name in each.data.attributes for name in wanted):
+            return State(STALE, f"The match of '{each.name}' was removed from its attributes. Match again")
+    read = [(obj, kept) for obj, _, kept in sources]
+    read += [(each, each.data.spectral_match.target_fingerprint) for each in targets]
+    verdicts = [(obj.name, Fingerprint.parse(kept), current_fingerprint(obj.data)) for obj, kept in read]
     for name, kept, now in verdicts:
         if kept.topology != now.topology:
             return State(STALE, f"'{name}' got other vertices or faces since the match. Match again")
@@ -127,9 +151,10 @@ def state(target, source=None):
 def require(target, source=None):
     """The stored match of `target`; raises `UnusableObjectError` when there is none that can be used."""
     now = state(target, source)
-    if now.code == NONE and source is not None and target.data == source.data:
+    shared = [piece for piece in pieces_of(source) if piece.data == target.data]
+    if now.code == NONE and shared:
         raise UnusableObjectError(
-            f"'{target.name}' shares the mesh of '{source.name}', so it has the same data already"
+            f"'{target.name}' shares the mesh of '{shared[0].name}', so it has the same data already"
         )
     if now.code == NONE:
         raise UnusableObjectError(f"'{target.name}' has no match yet. Press Match first")

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators, a file for each step of the workflow."""
 
-from . import carry, fix, match, pick, settings, show
+from . import carry, fix, match, pick, pieces, settings, show
 
 CLASSES = (
     *match.CLASSES,
     *fix.CLASSES,
+    *pieces.CLASSES,
     *pick.CLASSES,
     *carry.CLASSES,
     *show.CLASSES,

@@ -4,26 +4,33 @@
 from bpy.props import StringProperty
 from bpy.types import Operator
 
-from .. import core, mesh_read, mesh_write, pair, stored_match
+from .. import character, core, mesh_read, mesh_write, pair, stored_match
 from ..mesh_read import UnusableObjectError
-from ..transfer import KINDS, TransferOptions, carry_all, checked
+from ..transfer import KINDS, TransferOptions, carry_all, checked, names_of
 from .step import Step, needs_matched
 
 
-def carry(context, source, target, options, chosen):
-    """`carry_all` in Object Mode, from the chosen source or, for None, from the one that it was matched with.
+def carry(context, source, targets, options, chosen):
+    """`carry_all` in Object Mode to these meshes of a target, from the chosen source or, for None, from the
+    one that they were matched with.
 
     Raises `UnusableObjectError`, also for what the core refuses; before it leaves the mode, if it can.
     """
-    mesh_read.check_usable(target, as_target=True)
-    stored_match.require(target, source)
-    with mesh_write.object_mode(context, [target.spectral_match_source, target]):
-        try:
-            return carry_all(target, options, chosen)
-        except core.load().SgmdsError as reason:
-            raise UnusableObjectError(
-                f"Nothing was carried from '{target.spectral_match_source.name}' to '{target.name}': {reason}"
-            ) from reason
+    for target in targets:
+        mesh_read.check_usable(target, as_target=True)
+        stored_match.require(target, source)
+    notes = []
+    for together in stored_match.matched_together(targets):
+        sources = [obj for obj, _, _ in stored_match.sources_of(together[0])]
+        given = character.of(sources[0]) if len(sources) > 1 else character.alone(sources[0])
+        with mesh_write.object_mode(context, [*sources, *together]):
+            try:
+                notes += carry_all(together, given.name, options, chosen)
+            except core.load().SgmdsError as reason:
+                raise UnusableObjectError(
+                    f"Nothing was carried from '{given.label}' to '{together[0].name}': {reason}"
+                ) from reason
+    return notes
 
 
 class GivenOptions:
@@ -63,18 +70,20 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Step, Operator):
         settings = context.scene.spectral_match
         options = GivenOptions(self, settings)
         chosen = self._choice(settings)
-        notes, carried = [], 0
+        notes, carried, most = [], 0, 0
         for target in found.targets:
+            pieces = pair.matched_of(target) or target.pieces
             try:
-                self._check_items(target)
-                notes += carry(context, found.source, target, options, chosen)
-                carried += 1
+                self._check_items(pieces)
+                notes += carry(context, found.source, pieces, options, chosen)
+                carried, most = carried + 1, max(most, len(pieces))
             except (UnusableObjectError, core.CoreMissingError) as reason:
                 notes.append(str(reason))
         if not carried:
             return self.fail(" ".join(notes))
         self.warn(notes)
-        self.report({"INFO"}, f"Transferred to {carried} mesh{'es' if carried > 1 else ''}")
+        what = ("mesh", "meshes") if most == 1 else ("character", "characters")
+        self.report({"INFO"}, f"Transferred to {carried} {what[carried > 1]}")
         return {"FINISHED"}
 
     def _choice(self, settings):
@@ -95,21 +104,22 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Step, Operator):
     def _items(self):
         return {line.strip() for line in self.items.splitlines() if line.strip()}
 
-    def _check_items(self, target):
+    def _check_items(self, targets):
         """Raise `UnusableObjectError` when the target's source lacks an item that the script named."""
-        source = target.spectral_match_source
         items = self._items()
-        if not items or not pair.is_there(source):
+        sources = [obj for target in targets for obj, _, _ in stored_match.sources_of(target)]
+        sources = [obj for obj in dict.fromkeys(sources) if character.is_there(obj)]
+        if not items or not sources:
             return
         wanted = {item.partition("/")[0] for item in items}
         there = {
             f"{kind.identifier}/{name}"
             for kind in KINDS
             if kind.identifier in wanted
-            for name in kind.names(source)
+            for name in names_of(kind, sources)
         }
         if items - there:
-            raise UnusableObjectError(f"'{source.name}' does not have {', '.join(sorted(items - there))}")
+            raise UnusableObjectError(f"'{sources[0].name}' does not have {', '.join(sorted(items - there))}")
 
 
 class SPECTRAL_MATCH_OT_toggle_item(Step, Operator):

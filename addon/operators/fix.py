@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fix: exchange the roles, take another of the maps found, exchange left and right."""
 
+import bpy
 from bpy.props import IntProperty
 from bpy.types import Operator
 
@@ -29,18 +30,28 @@ class SPECTRAL_MATCH_OT_swap_roles(Step, Operator):
         found = pair.resolve(context)
         if settings.pinned:
             settings.source, settings.target = settings.target, settings.source
+            collections = settings.source_collection, settings.target_collection
+            settings.target_collection, settings.source_collection = collections
             return {"FINISHED"}
-        for obj in (found.source, found.targets[0]):
+        source, target = _standing(found.source), _standing(found.targets[0])
+        for obj in (source, target):
             there = obj.name in context.view_layer.objects
             if not there or not obj.visible_get() or obj.hide_select:
                 raise UnusableObjectError(
                     f"'{obj.name}' is {'hidden or not selectable' if there else 'not in this view layer'}. "
                     "Pin both objects to choose them by name"
                 )
-        for obj in (found.source, found.targets[0]):
+        for obj in (source, target):
             obj.select_set(True)
-        context.view_layer.objects.active = found.targets[0]
+        context.view_layer.objects.active = target
         return {"FINISHED"}
+
+
+def _standing(body):
+    """The object that stands for a character: the one selected of it, or its lead."""
+    chosen = [obj for obj in body.whole if obj.name in bpy.context.view_layer.objects and obj.select_get()]
+    active = bpy.context.view_layer.objects.active
+    return active if active in chosen else next(iter(chosen), body.lead)
 
 
 class SPECTRAL_MATCH_OT_pin(Step, Operator):
@@ -54,8 +65,8 @@ class SPECTRAL_MATCH_OT_pin(Step, Operator):
         settings = context.scene.spectral_match
         if not settings.pinned:
             found = pair.resolve(context)
-            settings.source = found.source
-            settings.target = found.targets[0] if found.targets else None
+            for end, body in (("source", found.source), ("target", next(iter(found.targets), None))):
+                setattr(settings, end, _standing(body) if body is not None else None)
         settings.pinned = not settings.pinned
         return {"FINISHED"}
 
@@ -77,7 +88,7 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
         matched = pair.matched(context)
         if len(matched) > 1:
             return "Choose one matched target"
-        maps = stored_match.maps_of(matched[0].data)
+        maps = stored_match.maps_of(matched[0].lead.data)
         if maps is None:
             return "Other maps are not kept with a file or with a copy of the mesh. Match again to find them"
         if maps.best.alternative_count == 0:
@@ -85,7 +96,7 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
         return ""
 
     def begin(self, context):
-        target = pair.matched(context)[0]
+        target = pair.matched(context)[0].lead
         stored = stored_match.require(target, pair.resolve(context).source)
         maps = stored_match.maps_of(target.data)
         number = (stored.alternative + self.step) % (1 + maps.best.alternative_count)
@@ -99,12 +110,13 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
             self.report({"INFO"}, "Cancelled; the map is the same as before")
             return {"CANCELLED"}
         maps = job.maps
-        source, target = find_unchanged(maps.source), find_unchanged(maps.target)
-        with mesh_write.object_mode(context, [source, target]):
-            mesh_write.write_match(source, target, maps.source, maps.target, job.found)
-        stored_match.forget_fingerprint(target.data)
-        stored = target.data.spectral_match
-        stored.alternative = job.number
+        sources, targets = find_unchanged(maps.source), find_unchanged(maps.target)
+        with mesh_write.object_mode(context, [*sources, *targets]):
+            mesh_write.write_match(sources, targets, maps.source, maps.target, job.found)
+        for target in targets:
+            stored_match.forget_fingerprint(target.data)
+            stored = target.data.spectral_match
+            stored.alternative = job.number
         self.report({"INFO"}, f"Map {job.number + 1} of {stored.alternatives}, grade {stored.grade}")
         return {"FINISHED"}
 
@@ -117,7 +129,7 @@ class SPECTRAL_MATCH_OT_swap_sides(MatchOperator, Operator):
     bl_options = {"UNDO"}
 
     def wants_swapped_sides(self, context):
-        return not pair.resolve(context).targets[0].data.spectral_match.swapped_sides
+        return not pair.matched(context)[0].lead.data.spectral_match.swapped_sides
 
 
 CLASSES = (

@@ -1,12 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Match: read the objects, have the job run beside the window, write what it found."""
 
+import time
+from dataclasses import replace
+
 import bpy
 from bpy.props import BoolProperty
 from bpy.types import Operator
 
-from .. import completion, core, landmarks, mesh_read, mesh_write, notice, pair, preferences, stored_match
+from .. import (
+    character,
+    completion,
+    core,
+    figure,
+    landmarks,
+    mesh_read,
+    mesh_write,
+    notice,
+    pair,
+    preferences,
+    stored_match,
+)
 from .. import job as job_module
+from ..character import Character
 from ..job import Job, MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
 from ..transfer import checked
@@ -15,6 +31,8 @@ from .carry import carry
 from .step import Step, going_on, needs_pair, nothing
 
 POLL_SECONDS = 0.05
+# Reading goes on for so long, and one step more, before the window has its turn.
+READ_SECONDS = 0.02
 
 
 def redraw_sidebars(context):
@@ -41,50 +59,73 @@ def reading(context, source, targets, *, swap_sides=False):
         swap_sides=swap_sides,
         storage=preferences.storage(context),
     )
+    source, *targets = (
+        body if isinstance(body, Character) else character.alone(body) for body in (source, *targets)
+    )
+    bodies = [piece for body in (source, *targets) for piece in body.pieces]
+    for piece in bodies:
+        mesh_read.check_usable(piece, as_target=piece not in source.pieces)
+    rigs = dict.fromkeys(filter(None, (character.held_by_bone(piece)[0] for piece in bodies)))
+    mesh_read.place(
+        context, [seen for obj in bodies for seen in (obj, *completion.mirror_objects(obj))] + list(rigs)
+    )
     # All questions to objects and settings come before the first step: they may be gone after it.
     wanted, pairs, notes = {}, {}, []
     for target in targets:
-        mesh_read.check_usable(target, as_target=True)
-        pairs.setdefault(target.session_uid, landmarks.vertex_pairs(settings, source, target))
-        if target.data != source.data:
-            wanted.setdefault(target.data.session_uid, (target.session_uid, target.name))
-        else:
-            notes.append(f"'{target.name}' was left out: it shares the mesh of '{source.name}'")
-    bodies = [source, *targets]
-    mesh_read.place(context, [seen for obj in bodies for seen in (obj, *completion.mirror_objects(obj))])
-    source_surface = yield from mesh_read.reading(context, source, evaluated=evaluated)
+        target, words = _writable(source, target)
+        notes += words
+        if target is not None:
+            pairs.setdefault(target.lead.session_uid, landmarks.vertex_pairs(settings, source, target))
+            wanted.setdefault(target.lead.data.session_uid, figure.Reading(target, evaluated, as_target=True))
+    source_surface = yield from figure.Reading(source, evaluated).steps(context)
     surfaces = []
-    for uid, name in wanted.values():
-        target = present(uid, name)
-        surfaces.append((yield from mesh_read.reading(context, target, evaluated=evaluated, as_target=True)))
+    for target in wanted.values():
+        surfaces.append((yield from target.steps(context)))
         yield
     job = MatchJob(source_surface, surfaces, options, pairs)
     job.notes += notes
     return job
 
 
+def _writable(source, target):
+    """The target with the pieces whose meshes a match can be written to, or None, and words on others."""
+    holder = {piece.data: piece.name for piece in reversed(source.pieces)}
+    kept, notes = [], []
+    for piece in target.pieces:
+        if piece.data in holder:
+            notes.append(f"'{piece.name}' was left out: it shares the mesh of '{holder[piece.data]}'")
+        else:
+            kept.append(piece)
+            holder[piece.data] = piece.name
+    return (replace(target, pieces=tuple(kept)) if kept else None), notes
+
+
 def store(context, job):
-    """Write a finished job's maps to its targets; returns them and words on those that could not."""
-    source = find_unchanged(job.source)
+    """Write a finished job's maps to its targets; returns all meshes of these and words on those that could
+    not.
+    """
+    sources = find_unchanged(job.source)
     stored, trouble = [], [failure_words(failed) for failed in job.failures]
     for matched in job.results:
         try:
-            target = find_unchanged(matched.target)
-            with mesh_write.object_mode(context, [source, target]):
-                mesh_write.write_match(source, target, job.source, matched.target, matched.found)
+            targets = find_unchanged(matched.target)
+            with mesh_write.object_mode(context, [*sources, *targets]):
+                mesh_write.write_match(sources, targets, job.source, matched.target, matched.found)
         except UnusableObjectError as reason:
             trouble.append(str(reason))
             continue
-        note = target.data.spectral_match
-        note.seconds = matched.seconds
-        note.alternative, note.alternatives = 0, 1 + matched.found.alternative_count
-        note.swapped_sides = job.options.swap_sides
+        for target in targets:
+            note = target.data.spectral_match
+            note.seconds = matched.seconds
+            note.alternative, note.alternatives = 0, 1 + matched.found.alternative_count
+            note.swapped_sides = job.options.swap_sides
         stored_match.keep_maps(
-            target.data, stored_match.SessionMaps(job.source, matched.target, matched.found)
+            [target.data for target in targets],
+            stored_match.SessionMaps(job.source, matched.target, matched.found),
         )
-        stored_match.forget_fingerprint(source.data)
-        stored_match.forget_fingerprint(target.data)
-        stored.append(target)
+        for obj in (*sources, *targets):
+            stored_match.forget_fingerprint(obj.data)
+        stored += targets
     return stored, trouble
 
 
@@ -92,17 +133,16 @@ def failure_words(failed):
     return f"'{failed.target.name}' was not matched: {core.explain(failed.error)}"
 
 
-def present(uid, name):
-    """The object with this session id; raises `UnusableObjectError` when it was deleted."""
-    obj = mesh_read.find_object(bpy.data.objects, uid)
-    if not pair.is_there(obj):
-        raise UnusableObjectError(f"'{name}' was deleted while the match was running. Undo, or match again")
-    return obj
-
-
 def find_unchanged(surface):
-    """The object that a surface was read from; raises `UnusableObjectError` when it is another one now."""
-    obj = present(surface.object_uid, surface.name)
+    """The objects that a surface was read from, one for each piece.
+
+    Raises `UnusableObjectError` when one of them is another one now.
+    """
+    return [_find_unchanged(part.surface) for part in figure.parts(surface)]
+
+
+def _find_unchanged(surface):
+    obj = mesh_read.present(surface.object_uid, surface.name)
     if obj.type != "MESH" or obj.data.session_uid != surface.mesh_uid:
         raise UnusableObjectError(f"'{obj.name}' got another mesh since it was read. Match again")
     if obj.data.is_editmode:
@@ -177,8 +217,10 @@ class JobOperator(Step):
         self._stop_watching(context)
 
     def _read_on(self):
+        until = time.monotonic() + READ_SECONDS
         try:
-            next(self._beginning)
+            while time.monotonic() < until:
+                next(self._beginning)
         except StopIteration as end:
             if self._job.cancelling:
                 end.value.cancel()
@@ -231,29 +273,33 @@ class MatchOperator(JobOperator):
             return {"CANCELLED"}
         stored, trouble = store(context, job)
         trouble += job.notes
+        together = stored_match.matched_together(stored)
         if self.then_transfer:
             settings = context.scene.spectral_match
-            for target in stored:
+            for pieces in together:
                 try:
-                    trouble += carry(context, None, target, settings, checked(settings))
+                    trouble += carry(context, None, pieces, settings, checked(settings))
                 except (UnusableObjectError, core.CoreMissingError) as reason:
                     trouble.append(str(reason))
         if not stored:
             return self.fail(" ".join(trouble))
-        show.show_after_match(context, job.source.object_uid, stored)
+        show.show_after_match(context, stored)
         self.warn(trouble)
         stopped = "Stopped. " if job.cancelled else ""
-        self.report({"INFO"}, stopped + summary(stored, len(job.targets), self.then_transfer))
+        leads, most = [pieces[0] for pieces in together], max(map(len, together))
+        self.report({"INFO"}, stopped + summary(leads, len(job.targets), self.then_transfer, most))
         return {"FINISHED"}
 
 
-def summary(targets, wanted, transferred):
+def summary(targets, wanted, transferred, pieces=1):
+    """What was done to these targets, each told by one of its meshes; `pieces` is the most that one has."""
     if wanted > 1:
         done = "Matched and transferred to" if transferred else "Matched"
-        return f"{done} {len(targets)} of {wanted} meshes"
+        return f"{done} {len(targets)} of {wanted} {'characters' if pieces > 1 else 'meshes'}"
     stored = targets[0].data.spectral_match
+    also = f" and {pieces - 1} more mesh{'es' if pieces > 2 else ''}" if pieces > 1 else ""
     return (
-        f"Matched '{targets[0].name}' in {stored.seconds:.1f} s, "
+        f"Matched '{targets[0].name}'{also} in {stored.seconds:.1f} s, "
         f"mean confidence {stored.mean_confidence:.0%}, grade {stored.grade}"
         + (", left and right swapped" if stored.swapped_sides else "")
     )

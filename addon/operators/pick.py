@@ -3,7 +3,7 @@
 
 import bpy
 import numpy as np
-from bpy.props import EnumProperty, IntProperty
+from bpy.props import EnumProperty, IntProperty, StringProperty
 from bpy.types import Operator
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 
@@ -101,11 +101,12 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         if overlay.picking is not None:
             return "Already picking. Click in the viewport, or press Esc to end"
         found = pair.resolve(context)
-        for obj in (found.source, *found.targets):
+        for obj in (*found.source_pieces, *found.target_pieces):
             if obj.mode != "OBJECT":
                 return f"'{obj.name}' is in {obj.mode.replace('_', ' ').title()} Mode. Use Object Mode first"
-        if not found.source.visible_get() or not any(target.visible_get() for target in found.targets):
-            return "Show both meshes in the viewport first"
+        for pieces in (found.source_pieces, found.target_pieces):
+            if not any(piece.visible_get() for piece in pieces):
+                return "Show both meshes in the viewport first"
         return ""
 
     def act(self, _context):
@@ -163,7 +164,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         if region is None:
             return None
         pixel = (event.mouse_x - region.x, event.mouse_y - region.y)
-        return hit(context, region, pixel, (found.source, *found.targets))
+        return hit(context, region, pixel, (*found.source_pieces, *found.target_pieces))
 
     def _click(self, context, found, region, event):
         point = self._under(context, found, region, event)
@@ -171,12 +172,11 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
             return
         state = overlay.picking
         ends = {p.object: p.vertex for p in (state.first, point) if p is not None and p.object is not None}
-        targets = [obj for obj in ends if obj != found.source]
-        if found.source in ends and targets:
-            target = targets[0]
-            landmarks.add(
-                context.scene.spectral_match, found.source, ends[found.source], target, ends[target]
-            )
+        sources = [obj for obj in ends if obj in found.source.whole]
+        targets = [obj for obj in ends if obj not in found.source.whole]
+        if sources and targets:
+            source, target = sources[0], targets[0]
+            landmarks.add(context.scene.spectral_match, source, ends[source], target, ends[target])
             state.first = None
             self._added += 1
             bpy.ops.ed.undo_push(message="Add Landmark")
@@ -220,7 +220,7 @@ def hint(context):
     first = overlay.picking.first
     if first is None:
         return f"Click a point on '{found.source.name}'"
-    if first.object == found.source:
+    if first.object in found.source.whole:
         where = f"'{found.targets[0].name}'" if len(found.targets) == 1 else "a target"
         return f"Click the same point on {where}"
     return f"Click the same point on '{found.source.name}'"
@@ -235,21 +235,30 @@ class SPECTRAL_MATCH_OT_add_landmark(Step, Operator):
 
     source_vertex: IntProperty(name="Source Vertex", min=0)
     target_vertex: IntProperty(name="Target Vertex", min=0)
+    source_mesh: StringProperty(name="Source Mesh", description="Of a character: which mesh has the vertex")
+    target_mesh: StringProperty(name="Target Mesh", description="Of a character: which mesh has the vertex")
 
     obstacle = staticmethod(needs_pair)
 
     def act(self, context):
         found = pair.resolve(context)
-        target = found.targets[0]
-        for obj, vertex in ((found.source, self.source_vertex), (target, self.target_vertex)):
+        source = self._piece(found.source, self.source_mesh)
+        target = self._piece(found.targets[0], self.target_mesh)
+        for obj, vertex in ((source, self.source_vertex), (target, self.target_vertex)):
             if vertex >= len(obj.data.vertices):
                 raise UnusableObjectError(
                     f"'{obj.name}' has {len(obj.data.vertices)} vertices, so there is no vertex {vertex}"
                 )
-        landmarks.add(
-            context.scene.spectral_match, found.source, self.source_vertex, target, self.target_vertex
-        )
+        landmarks.add(context.scene.spectral_match, source, self.source_vertex, target, self.target_vertex)
         return {"FINISHED"}
+
+    @staticmethod
+    def _piece(body, name):
+        """The mesh of a character that has this name, its lead for none."""
+        found = next((piece for piece in body.pieces if piece.name == name), None)
+        if name and found is None:
+            raise UnusableObjectError(f"'{body.label}' has no mesh named '{name}' that takes part")
+        return found or body.lead
 
 
 def _needs_landmark(context):
@@ -298,13 +307,13 @@ class SPECTRAL_MATCH_OT_go_to_landmark(Step, Operator):
         settings = context.scene.spectral_match
         landmark = settings.landmarks[settings.landmark_index]
         found = pair.resolve(context)
-        target, ends = next(
-            (target, ends)
+        ends = next(
+            ends
             for target in found.targets
             if (ends := landmarks.ends(landmark, found.source, target)) is not None
         )
         on_source = self.end == "SOURCE"
-        obj, vertex = (found.source, ends.source_vertex) if on_source else (target, ends.target_vertex)
+        obj, vertex = (ends.source, ends.source_vertex) if on_source else (ends.target, ends.target_vertex)
         if vertex >= len(obj.data.vertices):
             raise UnusableObjectError(f"'{obj.name}' has no vertex {vertex} any more. Pick it again")
         view = context.space_data.region_3d

@@ -16,6 +16,7 @@ FOLDER = Path(__file__).resolve().parents[1]
 PRESETS = "spectral_match"
 # What belongs to a pair of objects or to the panel's looks stays.
 PRESET_NAMES = (
+    "whole_characters",
     "shape",
     "part",
     "allow_mirror",

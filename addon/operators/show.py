@@ -2,11 +2,22 @@
 """Show a match in the viewport: as colours, as a heat map of how sure it is, as lines, as a morph."""
 
 import bpy
+import numpy as np
 from bpy.app.handlers import persistent
 from bpy.props import EnumProperty
 from bpy.types import Operator
 
-from .. import mesh_read, mesh_write, morph, overlay, pair, preferences, stored_match
+from .. import (
+    character,
+    mesh_read,
+    mesh_write,
+    morph,
+    overlay,
+    pair,
+    palette,
+    preferences,
+    stored_match,
+)
 from ..mesh_read import UnusableObjectError
 from .step import Step, needs_matched
 
@@ -49,39 +60,44 @@ def _uncolour_viewports(context):
     _earlier_colouring.clear()
 
 
-def _bodies(source, targets):
-    """Source and targets; the source of a pinned pair may be gone."""
-    return targets if source is None else [source, *targets]
-
-
-def _colour_anew(context, source, targets):
+def _colour_anew(context, sources, targets):
     """A body that was source in one match and target in another is coloured for the later one."""
-    with mesh_write.object_mode(context, _bodies(source, targets)):
+    with mesh_write.object_mode(context, [*sources, *targets]):
+        by_sources = {}
         for target in targets:
-            if source is not None and stored_match.state(target, source).usable:
-                mesh = source.data
-                triangles = mesh_read.corner_vertices(mesh)[mesh_read.triangle_corners(mesh)[0]]
-                mesh_write.write_colours(source, target, mesh_read.positions(mesh), triangles)
+            if sources and stored_match.state(target).usable:
+                own = tuple(obj for obj, _, _ in stored_match.sources_of(target))
+                by_sources.setdefault(own, []).append(target)
+        for own, coloured in by_sources.items():
+            points = [
+                mesh_read.positions(obj.data) @ matrix[:3, :3].T + matrix[:3, 3]
+                for obj, matrix in zip(own, character.placed(own), strict=True)
+            ]
+            colours = np.split(
+                palette.surface_colours(np.concatenate(points)), np.cumsum([len(part) for part in points])
+            )
+            triangles = [mesh_read.triangle_vertices(obj.data) for obj in own]
+            mesh_write.write_colours(own, coloured, colours[:-1], triangles)
 
 
-def show_colours(context, source, targets):
-    for obj in _bodies(source, targets):
+def show_colours(context, sources, targets):
+    for obj in [*sources, *targets]:
         _activate(obj.data, "match_color")
     _colour_viewports(context)
 
 
-def show_confidence(context, source, targets):
+def show_confidence(context, sources, targets):
     with mesh_write.object_mode(context, targets):
         for target in targets:
             mesh_write.write_heat(target.data)
             _activate(target.data, mesh_write.HEAT)
-    if source is not None:
+    for source in sources:
         _activate(source.data, "match_color")
     _colour_viewports(context)
 
 
-def show_nothing(context, source, targets):
-    for obj in _bodies(source, targets):
+def show_nothing(context, sources, targets):
+    for obj in [*sources, *targets]:
         colours = obj.data.color_attributes
         earlier = _earlier_active.pop(obj.data.session_uid, "")
         others = [layer.name for layer in colours if not layer.name.startswith(mesh_write.OURS)]
@@ -107,11 +123,17 @@ def shown(context, target):
     return {"match_color": "COLOURS", mesh_write.HEAT: "CONFIDENCE"}.get(active.name, "NOTHING")
 
 
-def show_after_match(context, source_uid, targets):
-    """What the preferences ask for when a match is done."""
+def show_after_match(context, targets):
+    """What the preferences ask for when these meshes are matched."""
     wish = preferences.of(context).show_after_match
     if wish != "NOTHING":
-        SHOWN[wish](context, mesh_read.find_object(bpy.data.objects, source_uid), targets)
+        SHOWN[wish](context, _sources(targets), targets)
+
+
+def _sources(targets):
+    """The meshes that these were matched with, as far as they are there; each once."""
+    found = dict.fromkeys(obj for target in targets for obj, _, _ in stored_match.sources_of(target))
+    return [obj for obj in found if character.is_there(obj) and obj.type == "MESH"]
 
 
 @persistent
@@ -147,7 +169,8 @@ class SPECTRAL_MATCH_OT_show(Step, Operator):
         return next(words for identifier, _, words in WAYS if identifier == properties.what)
 
     def act(self, context):
-        matched, source = pair.matched(context), pair.resolve(context).source
+        source = pair.resolve(context).source
+        matched = pair.matched_pieces(context)
         for target in matched:
             elsewhere = stored_match.matched_elsewhere(target, source)
             if self.what != "NOTHING" and elsewhere:
@@ -156,9 +179,10 @@ class SPECTRAL_MATCH_OT_show(Step, Operator):
                 raise UnusableObjectError(
                     f"The match of '{target.name}' was removed from its attributes. Match again"
                 )
+        sources = _sources(matched) if source is not None else []
         if self.what == "COLOURS":
-            _colour_anew(context, source, matched)
-        SHOWN[self.what](context, source, matched)
+            _colour_anew(context, sources, matched)
+        SHOWN[self.what](context, sources, matched)
         return {"FINISHED"}
 
 
@@ -201,7 +225,7 @@ class SPECTRAL_MATCH_OT_morph(Step, Operator):
     obstacle = staticmethod(needs_matched)
 
     def act(self, context):
-        matched = pair.matched(context)
+        matched = pair.matched_pieces(context)
         add = not any(morph.modifier_of(target) for target in matched)
         for target in matched:
             if add:

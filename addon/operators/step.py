@@ -17,7 +17,7 @@ def nothing(_context):
 
 
 def needs_pair(context):
-    return RUNNING if job_module.current is not None else pair.resolve(context).missing
+    return RUNNING if job_module.current is not None else pair.shown(context).missing
 
 
 def needs_matched(context):

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be carried over: a module for each kind of data, its `KIND` listed in `KINDS`."""
 
+from contextlib import ExitStack
+
 import bpy
 from bpy.props import BoolProperty
 
@@ -12,6 +14,7 @@ from . import (
     colours,
     companions,
     edge_marks,
+    joined,
     layouts,
     materials,
     normals,
@@ -21,13 +24,22 @@ from . import (
     textures,
     uv_maps,
     vertex_groups,
-    whole,
 )
 from .kind import Kind, Prepared
 from .redirect import redirect
-from .route import Route
+from .route import FigureRoute, Route
+from .weights import rigs
 
-__all__ = ["KINDS", "Kind", "Prepared", "TransferChoice", "TransferOptions", "carry_all", "checked"]
+__all__ = [
+    "KINDS",
+    "Kind",
+    "Prepared",
+    "TransferChoice",
+    "TransferOptions",
+    "carry_all",
+    "checked",
+    "names_of",
+]
 
 # In the order of the panel, which is the order of writing.
 KINDS = (
@@ -43,6 +55,11 @@ KINDS = (
     armatures.KIND,
     companions.KIND,
 )
+
+# Kinds that belong to a character as a whole, however many meshes it has.
+OF_FIGURES = (armatures.KIND, companions.KIND)
+# Kinds of which each mesh of a target gets all, whichever mesh of the source answers.
+OVER_ALL = (vertex_groups.KIND, shape_keys.KIND, *OF_FIGURES)
 
 # Both classes only bring properties to the property group or operator that inherits them.
 TransferOptions = type(
@@ -83,57 +100,130 @@ def checked(settings):
     return chosen
 
 
-def carry_all(target, options, chosen):
-    """Carry to one target all names for which `chosen(kind, name)` holds; returns words for the artist.
+def names_of(kind, sources):
+    """What these meshes of a source have of a kind, each name once."""
+    if kind is companions.KIND:
+        return list(dict.fromkeys(obj.name for obj in companions.hanging_on(sources)))
+    return list(dict.fromkeys(name for source in sources for name in kind.names(source)))
+
+
+def carry_all(targets, name, options, chosen):
+    """Carry to the meshes of a target all names for which `chosen(kind, name)` holds; returns words for the
+    artist. All were matched with the same source, of which messages speak by this name if it has several.
 
     Everything is computed before anything is written, so that a kind that cannot be carried leaves the
-    target as it was.
+    target as it was. Of a target of several meshes only that is left out which one of them cannot get.
     """
-    mesh_read.check_usable(target, as_target=True)
-    stored_match.require(target)
-    source = target.spectral_match_source
-    wanted = {kind.identifier: [name for name in kind.names(source) if chosen(kind, name)] for kind in KINDS}
-    mesh_read.place(bpy.context, _standing(source, target, wanted))
-    with whole.body_of(target) as body:
-        return _carry(Route(target, body), wanted, options)
+    for target in targets:
+        mesh_read.check_usable(target, as_target=True)
+        stored_match.require(target)
+    sources = [obj for obj, _, _ in stored_match.sources_of(targets[0])]
+    mesh_read.place(bpy.context, _standing(sources, targets))
+    with joined.seen(sources, name, targets) as view, ExitStack() as splits:
+        routes, said = [], []
+        for target in targets:
+            route = Route(target, view)
+            route.wanted = _wanted(route, chosen)
+            _settle_names(route, options)
+            route, words = splits.enter_context(
+                seam_splits.split(route, route.wanted[uv_maps.KIND.identifier], options)
+            )
+            routes.append(route)
+            said += ((target, note) for note in words)
+        figure = routes[0]
+        if len(routes) > 1:
+            figure = FigureRoute(targets, view)
+            figure.wanted, figure.sides = routes[0].wanted, routes[0].sides
+            figure.uv_names = routes[0].uv_names
+        said += _prepare(routes, figure, options)
+        ways = list(dict.fromkeys([*routes, figure]))
+        for way in ways:
+            for part in way.prepared:
+                part.write()
+        if any(figure.wanted[kind.identifier] for kind in (shape_keys.KIND, *OF_FIGURES)):
+            redirect(figure, routes)
+        for target in targets:
+            target.data.update()
+        said += ((figure.target, note) for note in _halves(figure))
+        said += ((way.target, note) for way in ways for part in way.prepared for note in part.notes)
+        return said_once(said)
 
 
-def _carry(route, wanted, options):
-    target = route.target
-    route.wanted, route.sides = wanted, partners.sides(route, options)
-    known = {given: own for own, given in layouts.carried_maps(target.data).items()}
-    maps = wanted[uv_maps.KIND.identifier]
-    route.uv_names = known | layouts.names_on_target(route.source, target, maps, options.replace_uv)
+def said_once(said):
+    """Words about meshes, in pairs (mesh, words): what is the same of several is said once, of the first and
+    how many more there are.
+    """
+    told = {}
+    for obj, words in said:
+        told.setdefault(words.replace(f"'{obj.name}'", "\0"), []).append(obj.name)
+    notes = []
+    for words, names in told.items():
+        others = len(set(names)) - 1
+        more = f" and {others} more mesh{'es' if others > 1 else ''}" if others else ""
+        notes.append(words.replace("\0", f"'{names[0]}'{more}"))
+    return notes
+
+
+def _wanted(route, chosen):
+    """Chosen names by kind: what belongs to the whole figure, else what the pieces have that answer."""
+    wanted = {}
+    for kind in KINDS:
+        names = kind.names(route.source)
+        if len(route.view.pieces) > 1 and kind not in OVER_ALL:
+            there = names_of(kind, route.answering)
+            names = [name for name in names if name in there]
+        wanted[kind.identifier] = [name for name in names if chosen(kind, name)]
+    return wanted
+
+
+def _settle_names(route, options):
+    """Under which names the target gets what is carried."""
+    route.sides = partners.sides(route, options)
+    maps = route.wanted[uv_maps.KIND.identifier]
+    known = {given: own for own, given in layouts.carried_maps(route.target.data).items()}
+    route.uv_names = known | layouts.names_on_target(route.source, route.target, maps, options.replace_uv)
     _check_twins(route)
-    with seam_splits.split(route, wanted[uv_maps.KIND.identifier], options) as (route, notes):
+
+
+def _prepare(routes, figure, options):
+    """Have every kind prepare what it carries: to each mesh, or to the whole figure at once.
+
+    Returns pairs of a mesh and why it does not get something.
+    """
+    refused = []
+    for route in dict.fromkeys([*routes, figure]):
         for kind in KINDS:
-            if wanted[kind.identifier]:
-                route.prepared.append(kind.prepare(route, wanted[kind.identifier], options))
-    for part in route.prepared:
-        part.write()
-    if any(wanted[kind.identifier] for kind in (shape_keys.KIND, armatures.KIND, companions.KIND)):
-        redirect(route)
-    target.data.update()
-    if wanted[companions.KIND.identifier] and route.target_mirrors:
-        notes.append(
-            f"'{target.name}' is completed by a Mirror modifier, and the map knows its modelled half alone. "
-            "Objects of the other half may lie beside it: apply the modifier and match again, or symmetrize "
-            "them"
-        )
-    return notes + [note for part in route.prepared for note in part.notes]
+            by_piece = kind not in OF_FIGURES
+            if not route.wanted[kind.identifier] or route not in (routes if by_piece else [figure]):
+                continue
+            try:
+                route.prepared.append(kind.prepare(route, route.wanted[kind.identifier], options))
+            except UnusableObjectError as reason:
+                if len(routes) == 1:
+                    raise
+                refused.append((route.target, str(reason)))
+    if refused and not any(route.prepared for route in [*routes, figure]):
+        raise UnusableObjectError(" ".join(said_once(refused)))
+    return refused
 
 
-def _standing(source, target, wanted):
-    """Both bodies with their rigs, what they are mirrored about and, where wanted, what hangs on them."""
-    bodies = [source, target]
-    rigs = [rig for body in bodies for rig in armatures.rigs(body)]
+def _standing(sources, targets):
+    """All bodies with their rigs, what they are mirrored about and what hangs on them."""
+    bodies = [*sources, *targets]
+    moving = [rig for body in bodies for rig in rigs(body)]
     mirrors = [obj for body in bodies for obj in completion.mirror_objects(body)]
-    hung = (
-        [obj for body in bodies for obj in companions.hanging(body)]
-        if wanted[companions.KIND.identifier]
-        else []
-    )
-    return bodies + rigs + mirrors + hung
+    return [*bodies, *moving, *mirrors, *companions.hanging_on(sources), *companions.hanging_on(targets)]
+
+
+def _halves(route):
+    """A note when a modifier adds a half to the target, by whose surface no objects can be placed."""
+    if not (route.wanted[companions.KIND.identifier] and route.target_mirrors):
+        return []
+    return [
+        f"'{route.target.name}' is completed by a Mirror modifier, and the map knows its modelled half "
+        "alone. Objects of the other half may lie beside it: apply the modifier and match again, or "
+        "symmetrize them"
+    ]
 
 
 def _check_twins(route):

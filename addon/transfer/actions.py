@@ -32,7 +32,7 @@ def own_actions(holder, actions):
     made = {action: copied(action) for action in actions}
     for user in action_users(holder):
         if user.action in made:
-            _give(user, made[user.action], getattr(user, "action_slot", None))
+            give_action(user, made[user.action], getattr(user, "action_slot", None))
     for action in actions:
         if not action.users:
             bpy.data.actions.remove(action)
@@ -66,6 +66,13 @@ def curves_used(user):
     return [curve for curves in curve_lists(user.action, slot) for curve in curves]
 
 
+def give_action(user, action, slot):
+    """Let an animation or strip use an action, by the slot that is there called as `slot`."""
+    user.action = action
+    if slot is not None:
+        user.action_slot = action.slots[slot.identifier]
+
+
 def carry_animation(given, own, path_of, target):
     """Give an ID copies of another one's animated properties: `path_of(path)` is the own path, or None.
 
@@ -77,8 +84,8 @@ def carry_animation(given, own, path_of, target):
     held = own.animation_data or own.animation_data_create()
     wanted = _wanted(given.animation_data, path_of)
     if wanted:
-        for setting in BLENDING if held.action is None else ():
-            setattr(held, setting, getattr(given.animation_data, setting))
+        if held.action is None:
+            _set_alike(held, given.animation_data, BLENDING)
         action, curves = _curves_of(held, given.animation_data.action, own, target)
         _fill(curves, wanted)
         _mark(action, given.animation_data.action)
@@ -103,7 +110,7 @@ def _curves_of(held, original, own, target):
     elif before is not None:
         action = copied(before)
         before.use_fake_user = True
-        _give(held, action, slot)
+        give_action(held, action, slot)
     else:
         action = bpy.data.actions.new(f"{original.name} {target.name}")
         held.action = action
@@ -121,13 +128,6 @@ def _curve_list(user, action, own):
     return strip.channelbag(slot, ensure=True).fcurves
 
 
-def _give(user, action, slot):
-    """Let an animation or strip use an action, by the slot that is there called as `slot`."""
-    user.action = action
-    if slot is not None:
-        user.action_slot = action.slots[slot.identifier]
-
-
 def _mark(action, original):
     action[MADE_FROM], action[ORIGINAL] = original.name, original
 
@@ -142,8 +142,7 @@ def _fill(curves, wanted):
 
 def copy_keys(curve, own):
     """Keys, settings and modifiers of a curve for another one, which is empty."""
-    for setting in CURVE_SETTINGS:
-        setattr(own, setting, getattr(curve, setting))
+    _set_alike(own, curve, CURVE_SETTINGS)
     own.keyframe_points.add(len(curve.keyframe_points))
     # Places last: settings and kinds of handles let Blender move these.
     for names, width, number in ((KEY_CHOICES, 1, np.int32), (KEY_NUMBERS, 1, np.float32)):
@@ -182,13 +181,34 @@ def _carry_tracks(given, held, path_of, own, target):
         strips = [(strip, wanted) for strip, wanted in strips if wanted]
         if not strips:
             continue
-        own_track = held.nla_tracks.new()
-        for setting in TRACK_SETTINGS:
-            setattr(own_track, setting, getattr(track, setting))
+        own_track = _new_track(held, track)
         for strip, wanted in strips:
             action = bpy.data.actions.new(f"{strip.action.name} {target.name}")
             _mark(action, strip.action)
             own_strip = own_track.strips.new(strip.name, int(strip.frame_start), action)
             _fill(_curve_list(own_strip, action, own), wanted)
-            for setting in STRIP_SETTINGS:
-                setattr(own_strip, setting, getattr(strip, setting))
+            _set_alike(own_strip, strip, STRIP_SETTINGS)
+
+
+def copy_tracks(given, held):
+    """Give an ID's animation the action and tracks of another one's."""
+    _set_alike(held, given, BLENDING)
+    if given.action is not None:
+        give_action(held, given.action, getattr(given, "action_slot", None))
+    for track in given.nla_tracks:
+        own_track = _new_track(held, track)
+        for strip in track.strips:
+            own_strip = own_track.strips.new(strip.name, int(strip.frame_start), strip.action)
+            give_action(own_strip, strip.action, getattr(strip, "action_slot", None))
+            _set_alike(own_strip, strip, STRIP_SETTINGS)
+
+
+def _new_track(held, track):
+    made = held.nla_tracks.new()
+    _set_alike(made, track, TRACK_SETTINGS)
+    return made
+
+
+def _set_alike(own, given, settings):
+    for setting in settings:
+        setattr(own, setting, getattr(given, setting))

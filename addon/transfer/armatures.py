@@ -5,20 +5,21 @@ from contextlib import contextmanager
 
 import bpy
 import numpy as np
+from bpy.props import BoolProperty
 from mathutils import Matrix, Vector
 
 from ..mesh_read import UnusableObjectError
-from ..mesh_write import image_points
 from .actions import actions_of, own_actions
 from .copies import MADE_FOR, comes_from, copied, object_copy
+from .joints import fitted_joints
 from .kind import Kind, Prepared
-from .sides import flip_name, rename
-from .vertex_groups import read_weights
+from .listed import listed
+from .own_rig import keeps_rig, own_modifiers
+from .rest_poses import Fitting
+from .retarget import TRANSFORMS, fit_actions, keep_actions
+from .sides import rename
+from .weights import armature_modifiers, read_weights, rigs
 
-# Ends of bones nearer than this share of the rig's size are one joint.
-SAME_JOINT = 1e-5
-# A joint of bones without a side lies in the mirror if fitted nearer to it than this share of the rig's size.
-IN_THE_MIDDLE = 0.02
 # Blender deletes bones up to 1e-6 long.
 SHORTEST_BONE = 2e-6
 # What an Armature modifier is set to.
@@ -30,29 +31,30 @@ MODIFIER_SETTINGS = (
     "vertex_group",
     "invert_vertex_group",
 )
-# What places an object, as paths of its animation begin.
-TRANSFORMS = ("location", "rotation", "scale", "delta_")
 # Modifiers that refine or follow a surface that the rig has posed, or build on it what has no vertex groups.
 AFTER_ARMATURE = frozenset(
     "SUBSURF MULTIRES SOLIDIFY CORRECTIVE_SMOOTH SMOOTH LAPLACIANSMOOTH CLOTH SOFT_BODY REMESH NODES".split()
 )
 
 
-def _modifiers(obj):
-    return [m for m in obj.modifiers if m.type == "ARMATURE" and m.object is not None]
-
-
-def rigs(source):
-    """The armature objects that deform the source, each once."""
-    return list(dict.fromkeys(modifier.object for modifier in _modifiers(source)))
-
-
 def names(source):
     return list(dict.fromkeys(rig.name for rig in rigs(source)))
 
 
-def prepare(route, wanted, _options):
+def prepare(route, wanted, options):
     fitted, notes = [], []
+    own = own_modifiers(route)
+    if keeps_rig(route, options):
+        return Prepared(
+            notes=[
+                f"'{route.target.name}' keeps its rig '{own[0].object.name}': {listed(wanted)} was not fitted"
+            ]
+        )
+    if own:
+        notes.append(
+            f"The rig '{own[0].object.name}' of '{route.target.name}' was replaced: it stays in the scene, "
+            "with its Armature modifier off"
+        )
     for rig in rigs(route.source):
         if rig.name not in wanted:
             continue
@@ -68,100 +70,22 @@ def prepare(route, wanted, _options):
                 f"'{rig.name}' has other bones now, so '{route.target.name}' got a new rig. '{before.name}' "
                 "stays in the scene without it: take over what you added there, then delete it"
             )
-        fitted.append((rig, named, *_fit(route, rig)))
+        fitted.append((rig, named, *fitted_joints(route, rig)))
 
     def write():
+        replaced = [modifier.object for modifier in own]
         for rig, named, joints, ends in fitted:
-            _write(route, rig, named, joints, ends)
+            _write(route, rig, named, joints, ends, replaced, options)
+            _share(route, rig, replaced)
+        for modifier in own:
+            modifier.show_viewport = modifier.show_render = False
 
     return Prepared(write, tuple(notes))
 
 
-def _fit(route, rig):
-    """Fitted joints (positions, turns, scales in the target's space), and the joints of each bone's ends."""
-    to_source = np.array(route.source_to_world.inverted_safe() @ rig.matrix_world)
-    bones = list(rig.data.bones)
-    ends = np.array([[bone.head_local, bone.tail_local] for bone in bones], np.float64).reshape(-1, 3)
-    ends = ends @ to_source[:3, :3].T + to_source[:3, 3]
-    size = np.ptp(ends, axis=0).max()
-    _, first, joint = np.unique(
-        np.round(ends / max(size * SAME_JOINT, 1e-12)), axis=0, return_index=True, return_inverse=True
-    )
-    joint = joint.reshape(-1, 2)
-    fitted = route.map_as_seen.joints(ends[first], _influence(route.body, bones, joint))
-    if len(route.target_mirrors) == 1:
-        axes = to_source[:3, :3]
-        turned_over = axes @ np.diag((-1.0, 1.0, 1.0)) @ np.linalg.inv(axes)
-        fitted = _on_both_halves(route, ends[first], _partners(bones, joint), turned_over, fitted)
-    return fitted, joint
-
-
-def _partners(bones, joint):
-    """The joint of the other side for each joint, by the names of bones; -1 where these have no side."""
-    partner = np.full(joint.max() + 1, -1)
-    ends_of = {bone.name: ends for bone, ends in zip(bones, joint, strict=True)}
-    for name, ends in ends_of.items():
-        other = flip_name(name, ends_of)
-        if other != name and other in ends_of:
-            partner[ends] = ends_of[other]
-    return partner
-
-
-def _on_both_halves(route, ends, partner, turned_over, fitted):
-    """Fitted joints of a target of which a modifier mirrors one half: symmetric as it is.
-
-    A joint on the half that the map knows counts for its partner too, and one in the middle comes to lie in
-    the mirror. `turned_over` is the rig's reflection as the source has it.
-    """
-    positions, turns, scales = (np.array(values) for values in fitted)
-    (mirror,) = route.target_mirrors
-    stretch = np.eye(4)
-    stretch[:3, :3] = route.target_stretch
-    reflection = stretch @ mirror.reflection @ np.linalg.inv(stretch)
-    surface = image_points(
-        route.source_points @ route.source_stretch, route.triangles, route.face, route.barycentric
-    )
-    away = np.array([np.linalg.norm(surface - end, axis=1).min() for end in ends])
-    images = positions @ reflection[:3, :3].T + reflection[:3, 3]
-    turned = reflection[:3, :3] @ turns @ turned_over
-    off = np.linalg.norm(images - positions, axis=1) / 2.0
-    own = np.arange(len(ends))
-    partner = np.where((partner < 0) & (off < IN_THE_MIDDLE * np.ptp(positions, axis=0).max()), own, partner)
-    for j in own[(partner == own) | ((partner >= 0) & (away > away[partner]))]:
-        other = partner[j]
-        share = 0.5 if other == j else 1.0
-        positions[j] += share * (images[other] - positions[j])
-        left, _, right = np.linalg.svd(turns[j] + share * (turned[other] - turns[j]))
-        turns[j], scales[j] = left @ right, scales[other]
-    return positions, turns, scales
-
-
-def _influence(source, bones, joint):
-    """For each joint the vertices that its bones move, with their weights; parents count at a bone's head."""
-    vertex, group, weight = read_weights(source)
-    order = np.argsort(group, kind="stable")
-    bounds = np.searchsorted(group[order], np.arange(len(source.vertex_groups) + 1))
-    moved = {
-        held.name: (vertex[order[a:b]], weight[order[a:b]])
-        for held, a, b in zip(source.vertex_groups, bounds[:-1], bounds[1:], strict=True)
-        if b > a
-    }
-    at = [set() for _ in range(joint.max() + 1)]
-    for bone, (head, tail) in zip(bones, joint, strict=True):
-        at[head].add(bone.name)
-        at[tail].add(bone.name)
-        if bone.parent is not None:
-            at[head].add(bone.parent.name)
-    rows = []
-    for around in at:
-        found = [moved[name] for name in sorted(around) if name in moved]
-        rows.append(tuple(map(np.concatenate, zip(*found, strict=True))) if found else ((), ()))
-    return rows
-
-
-def _write(route, rig, named, fitted, ends):
+def _write(route, rig, named, fitted, ends, replaced, options):
     positions, turns, scales = fitted
-    own = _own_rig(route, rig, named)
+    own, fresh = _own_rig(route, rig, named, replaced)
     place = own.matrix_world.inverted() @ route.target_to_world
     # The source rig's axes as directions on the source's surface.
     axes = (route.source_to_world.inverted_safe() @ rig.matrix_world).to_3x3()
@@ -187,6 +111,41 @@ def _write(route, rig, named, fitted, ends):
             grown = bone.length / before if before > 0.0 else scale
             for radius in ("head_radius", "tail_radius", "envelope_distance"):
                 setattr(bone, radius, getattr(bone, radius) * grown)
+    if not (actions_of(rig) or actions_of(own)):
+        return
+    ways = route.source_to_world, route.target_to_world
+    size = np.cbrt(abs(ways[1].determinant() / ways[0].determinant()))
+    fitting = Fitting(
+        rig,
+        own,
+        named,
+        held=_holding(route.body, rig),
+        mirrors=np.prod([np.linalg.det(turns[0]), *(way.determinant() for way in ways)]) < 0.0,
+        growth={
+            bone.name: size * float(scales[head])
+            for bone, (head, _) in zip(rig.data.bones, ends, strict=True)
+        },
+        bodies=(route.source, route.target),
+    )
+    (fit_actions if options.fit_animation else keep_actions)(fitting, fresh)
+
+
+def _share(route, rig, replaced):
+    """Let the rig that was fitted to the lead of a character deform its other meshes too."""
+    own = fitted_rig(route.target, rig)
+    for target in route.targets[1:]:
+        if all(modifier.object != own for modifier in armature_modifiers(target)):
+            _hang_on(route, target, rig, own, replaced)
+    bpy.context.view_layer.update()
+
+
+def _holding(source, rig):
+    """Names of the bones that move the surface."""
+    _, group, weight = read_weights(source)
+    used = np.unique(group[weight > 0.0]).tolist()
+    bones = rig.data.bones
+    held = [source.vertex_groups[number].name for number in used if number < len(source.vertex_groups)]
+    return {name for name in held if name in bones and bones[name].use_deform}
 
 
 def fitted_rig(target, rig):
@@ -197,7 +156,7 @@ def fitted_rig(target, rig):
 
 def _made_from(target, rig):
     """Rigs on the target made from `rig`; those of another target if this is its duplicate."""
-    return [m.object for m in _modifiers(target) if comes_from(m.object, rig)]
+    return [m.object for m in armature_modifiers(target) if comes_from(m.object, rig)]
 
 
 def _has_bones(own, named):
@@ -205,12 +164,15 @@ def _has_bones(own, named):
     return {bone.name for bone in own.data.bones} == set(named.values())
 
 
-def _own_rig(route, rig, named):
-    """The target's rig made from `rig` before, or a copy of it that deforms the target."""
+def _own_rig(route, rig, named, replaced):
+    """The target's rig made from `rig` before, or a copy of it that deforms the target instead of others.
+
+    And whether it was made now.
+    """
     target = route.target
     before = fitted_rig(target, rig)
     if before is not None and _has_bones(before, named):
-        return before
+        return before, False
     own = object_copy(rig, target)
     own.data = copied(rig.data)
     own.data.name = own.name
@@ -218,20 +180,26 @@ def _own_rig(route, rig, named):
     hold_still(own)
     # Before the target hangs on it, whose vertex groups Blender would rename with the bones.
     rename(own.data.bones, named, own, own.data)
-    # A rig without the target's scale: poses are edited in it.
+    # In the units of the source's rig, so that keys, limits and shapes of bones mean what they meant.
     location, rotation, _ = target.matrix_world.decompose()
-    own.matrix_world = Matrix.LocRotScale(location, rotation, None)
-    replaced = [rig, *_made_from(target, rig)]
-    held = next((m for m in _modifiers(target) if m.object in replaced), None)
-    if held is None:
-        held = _new_modifier(route, rig, own.name)
-    held.object = own
-    if target.parent in (None, *replaced):
-        there = target.matrix_world.copy()
-        target.parent = own
-        target.matrix_world = there
+    units = float(np.cbrt(abs(np.linalg.det(np.array(rig.matrix_world)[:3, :3]))))
+    own.matrix_world = Matrix.LocRotScale(location, rotation, (units, units, units))
+    _hang_on(route, target, rig, own, replaced)
     bpy.context.view_layer.update()
-    return own
+    return own, True
+
+
+def _hang_on(route, target, rig, own, replaced):
+    """Let the rig `own`, made from `rig`, deform a mesh of the target and be its parent, not others."""
+    given = [rig, *_made_from(target, rig)]
+    held = next((m for m in armature_modifiers(target) if m.object in given), None)
+    if held is None:
+        held = _new_modifier(route, target, rig, own.name)
+    held.object = own
+    if target.parent in (None, *given, *replaced) and target.parent_type != "BONE":
+        there = target.matrix_world.copy()
+        target.parent, target.parent_type = own, "OBJECT"
+        target.matrix_world = there
 
 
 def hold_still(own):
@@ -260,13 +228,12 @@ def _moving(action):
     return ((curves, curve) for curves in lists for curve in curves if curve.data_path.startswith(TRANSFORMS))
 
 
-def _new_modifier(route, rig, name):
+def _new_modifier(route, target, rig, name):
     """An Armature modifier set as that of the source, before those that take the posed surface.
 
     Yet after those that complete it: the two sides have poses of their own.
     """
-    target = route.target
-    model = next(m for m in _modifiers(route.source) if m.object == rig)
+    model = next(m for m in armature_modifiers(route.source) if m.object == rig)
     types = [modifier.type for modifier in target.modifiers]
     whole = max((i + 1 for i, each in enumerate(types) if each == "MIRROR"), default=0)
     place = next((i for i, each in enumerate(types) if i >= whole and each in AFTER_ARMATURE), None)
@@ -355,5 +322,13 @@ KIND = Kind(
     "Fit the source's armature to the target, which it then deforms",
     names,
     prepare,
+    {
+        "fit_animation": BoolProperty(
+            name="Fit Animation",
+            default=True,
+            description="Give the fitted rig copies of the actions, fitted to the target's rest pose and the "
+            "length of its legs. Off: they play as they are",
+        ),
+    },
     default=False,
 )

@@ -5,8 +5,9 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
-from .armatures import at_rest, fitted_rig, hold_still, rigs
-from .copies import MADE_FOR, MADE_FROM, comes_from, object_copy
+from .armatures import at_rest, fitted_rig, hold_still
+from .copies import MADE_FOR, MADE_FROM, comes_from, meant_by, object_copy
+from .weights import rigs
 
 # Constraints that tie an object to another as parenting does.
 TYING = ("CHILD_OF", "ARMATURE", "COPY_TRANSFORMS")
@@ -21,9 +22,9 @@ def held_by(obj, source, passed=()):
 
     The source or a rig of it, the name of its bone or "", and the constraint that ties to it or None.
     """
-    if obj == source or obj.spectral_match_source is not None:
+    if obj in meant_by(source) or obj.spectral_match_source is not None:
         return None
-    if MADE_FROM in obj and obj.get(MADE_FOR) != source:
+    if MADE_FROM in obj and obj.get(MADE_FOR) not in meant_by(source):
         # What another target got is no part of this source.
         return None
     found = _last_of(_ties(obj), source, (*passed, obj))
@@ -35,7 +36,9 @@ def held_by(obj, source, passed=()):
 def _last_of(ties, source, passed):
     """The first of the ties that leads to the source or a rig of it, as `held_by` has it."""
     for holder, bone, constraint in ties:
-        if holder == source or holder in rigs(source):
+        if holder in meant_by(source):
+            return source, bone, constraint
+        if holder in rigs(source):
             return holder, bone, constraint
         found = None if holder in passed else held_by(holder, source, passed)
         if found is not None:
@@ -185,7 +188,7 @@ def _can_keep(route, constraint):
 
 def _counterpart(route, obj):
     """What stands for the source, a rig of it or a companion on the target, or None."""
-    if obj is None or obj == route.source:
+    if obj is None or obj in meant_by(route.source):
         return obj and route.target
     if obj in rigs(route.source):
         return _rig_on_target(route, obj)

@@ -6,13 +6,14 @@ import numpy as np
 
 from .. import mesh_read
 from . import splines, strands
-from .armatures import rigs
 from .attachment import attach, copy_of, held_by, in_source, new_copy, placed
-from .copies import copied
+from .copies import copied, stand_in
 from .kind import Kind, Prepared
+from .listed import listed
 from .pieces import pieces
 from .shape_keys import read_key
 from .sides import rename
+from .weights import rigs
 
 # Objects that show something, but have no points that can be moved.
 OTHER_SHAPES = ("META", "POINTCLOUD")
@@ -33,6 +34,12 @@ def hanging(source, types=None):
     ]
 
 
+def hanging_on(pieces):
+    """Objects that hang on any of these meshes of a character, and are none of them."""
+    with stand_in(pieces[0], pieces[1:], pieces[0].name):
+        return hanging(pieces[0])
+
+
 def names(source):
     return list(dict.fromkeys(obj.name for obj in hanging(source)))
 
@@ -48,7 +55,7 @@ def prepare(route, wanted, options):
         if modifier.type == "PARTICLE_SYSTEM" and modifier.particle_system.settings.type == "HAIR"
     ]
     if left:
-        notes.append(f"Metaballs, point clouds and particle hair cannot follow the target: {', '.join(left)}")
+        notes.append(f"Metaballs, point clouds and particle hair cannot follow the target: {listed(left)}")
     bound = [
         f"{modifier.name} of '{companion.name}'"
         for companion in companions
@@ -56,7 +63,7 @@ def prepare(route, wanted, options):
         if getattr(modifier, "is_bound", False) or getattr(modifier, "is_bind", False)
     ]
     if bound:
-        notes.append(f"Modifiers have to be bound again on the copies: {', '.join(bound)}")
+        notes.append(f"Modifiers have to be bound again on the copies: {listed(bound)}")
 
     def write():
         copies = []
@@ -74,7 +81,7 @@ def prepare(route, wanted, options):
         if freed:
             notes.append(
                 "Constraints that are off, would move the copies away, or look at what the target does not "
-                f"have were left: {', '.join(freed)}"
+                f"have were left: {listed(freed)}"
             )
 
     return Prepared(write, notes)

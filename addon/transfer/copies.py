@@ -1,14 +1,38 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Copies of what belongs to the source, which belong to this file whatever library their originals are of."""
 
-from .. import pair
+from contextlib import contextmanager
+
+from ..character import MADE_FOR, is_there
 
 # On what is made for a target (a rig, a companion, a material, an image): the name of what from.
 MADE_FROM = "spectral_match_made_from"
 # On objects and materials that are made: what from. It may be renamed, or gone and come back under its name.
 ORIGINAL = "spectral_match_original"
-# On objects too: the target, which a duplicate of the target is not.
-MADE_FOR = "spectral_match_made_for"
+# What a joined object stands for, by its session id: the objects that it was joined from, and their name.
+_joined: dict[int, tuple] = {}
+_names: dict[int, str] = {}
+
+
+@contextmanager
+def stand_in(obj, pieces, name):
+    """Let an object stand for those that it was joined from, which have this name together."""
+    uid = obj.session_uid
+    _joined[uid], _names[uid] = (obj, *pieces), name
+    try:
+        yield
+    finally:
+        del _joined[uid], _names[uid]
+
+
+def name_of(obj):
+    """The name of an object, or of the character that it stands for."""
+    return _names.get(obj.session_uid, obj.name)
+
+
+def meant_by(obj):
+    """An object and those that it stands for."""
+    return _joined.get(obj.session_uid, (obj,))
 
 
 def copied(original):
@@ -34,4 +58,4 @@ def comes_from(own, original):
     if MADE_FROM not in own:
         return False
     kept = own.get(ORIGINAL)
-    return kept == original if pair.is_there(kept) else own[MADE_FROM] == original.name
+    return kept == original if is_there(kept) else own[MADE_FROM] == original.name

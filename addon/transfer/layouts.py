@@ -4,6 +4,7 @@
 import numpy as np
 
 from ..mesh_read import UnusableObjectError
+from .copies import name_of
 
 # On a mesh: the names of the UV maps that came from a source, each with the source's name for it.
 CARRIED = "spectral_match_uv_maps"
@@ -63,7 +64,7 @@ def names_on_target(source, target, wanted, replace):
         elif name not in own or replace:
             named[name] = name
         else:
-            named[name] = _free(f"{name} {source.name}"[:LONGEST_NAME], taken)
+            named[name] = _free(f"{name} {name_of(source)}"[:LONGEST_NAME], taken)
             taken.add(named[name])
     return named
 

@@ -4,9 +4,9 @@
 import numpy as np
 from mathutils.kdtree import KDTree
 
-from . import armatures, companions, shape_keys
+from . import companions, shape_keys
 from .sides import Sides, flip_name
-from .vertex_groups import read_weights
+from .weights import read_weights, rigs
 
 # Two places are mirror images up to this share of the body's size, and a body is symmetric that MOST of it
 # is its own image up to that.
@@ -33,9 +33,7 @@ def sides(route, options):
 def _named(route):
     """The objects whose names count: both bodies, their rigs, and what hangs on the source."""
     bodies = [route.source, route.target]
-    return (
-        bodies + [rig for body in bodies for rig in armatures.rigs(body)] + companions.hanging(route.source)
-    )
+    return bodies + [rig for body in bodies for rig in rigs(body)] + companions.hanging(route.source)
 
 
 def _names(obj):
@@ -54,7 +52,7 @@ def _places(route):
     The ends of a bone; of a group the middle of what it moves, and of a key that and where it moves to.
     """
     source, points, places = route.source, route.source_points, {}
-    for rig in armatures.rigs(source):
+    for rig in rigs(source):
         to_source = np.array(source.matrix_world.inverted_safe() @ rig.matrix_world)
         for bone in rig.data.bones:
             ends = np.array([bone.head_local, bone.tail_local])

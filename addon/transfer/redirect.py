@@ -8,6 +8,7 @@ import bpy
 
 from .. import mesh_read
 from . import armatures, attachment, companions, shape_keys
+from .weights import rigs
 
 # A bone or shape key in a data path.
 NAMED = re.compile(r'((?:bones|key_blocks)\[")((?:[^"\\]|\\.)*)("\])')
@@ -23,28 +24,34 @@ PARTS = {
 }
 
 
-def redirect(route):
-    """Exchange the source, its mesh, keys, rigs and companions for the target's, where copies name them."""
+def redirect(route, routes):
+    """Exchange the source, its mesh, keys, rigs and companions for the target's, where copies name them.
+
+    `routes` lead to all meshes of the target, each of which stands for what answers to it most.
+    """
     target = route.target
     exchanged = _with_data(route.source, target)
-    rigs, copies = [], []
-    for rig in armatures.rigs(route.source):
+    for way in (route, *reversed(routes)):
+        for given in way.view.pieces if way is route else way.answering[:1]:
+            exchanged |= _with_data(given, way.target)
+    fitted, copies = [], []
+    for rig in rigs(route.source):
         own = armatures.fitted_rig(target, rig)
         if own is not None:
-            rigs.append((rig, own))
+            fitted.append((rig, own))
             exchanged |= _with_data(rig, own)
     for companion in companions.hanging(route.source):
         own = attachment.copy_of(target, companion)
         if own is not None:
             copies.append(own)
             exchanged |= _with_data(companion, own)
-    keys = target.data.shape_keys
     carried = {route.sides.of(name) for name in shape_keys.names(route.source)}
-    if keys is not None and keys.animation_data is not None:
-        _drivers(
-            [curve for curve in keys.animation_data.drivers if _key(curve) in carried], exchanged, route.sides
-        )
-    for obj in [own for _, own in rigs] + copies:
+    for way in routes:
+        keys = way.target.data.shape_keys
+        if keys is not None and keys.animation_data is not None:
+            own = exchanged | _with_data(way.answering[0], way.target)
+            _drivers([c for c in keys.animation_data.drivers if _key(c) in carried], own, route.sides)
+    for obj in [own for _, own in fitted] + copies:
         for held in (obj, obj.data, getattr(obj.data, "shape_keys", None)):
             if held is not None and held.animation_data is not None:
                 _drivers(held.animation_data.drivers, exchanged, route.sides)
@@ -58,8 +65,8 @@ def redirect(route):
                 point(constraint, exchanged, route.sides)
     # Copies that were just hung are in their places from here.
     bpy.context.view_layer.update()
-    mesh_read.place(bpy.context, [own for _, own in rigs] + copies)
-    for rig, own in rigs:
+    mesh_read.place(bpy.context, [own for _, own in fitted] + copies)
+    for rig, own in fitted:
         if rig.name in route.wanted[armatures.KIND.identifier]:
             armatures.fit_constraints(rig, own, route.sides)
 

@@ -8,9 +8,8 @@ import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .. import completion, core, mesh_read, stored_match
+from .. import character, completion, core, mesh_read, mesh_write
 from ..mesh_read import UnusableObjectError
-from ..mesh_write import read_attribute
 from .sides import Sides
 
 # A scale is even up to this: matrices are in single precision.
@@ -24,23 +23,24 @@ class Route:
     where a Mirror modifier completes it, the whole that was matched.
 
     `map` is the core's, in the coordinates of the two meshes, and `map_as_seen` that of the two bodies as the
-    objects' scales stretch them, for what has directions and distances in space; `faces` are the target's
+    objects' scales stretch them, for what has directions and distances in space; `view` is what is seen of
+    the source, in whose triangles the map leads; `faces` are the target's
     faces as the core takes them: first corners and vertices of corners. `wanted` names what is carried, by
     kind, `sides` how these names are written on the target, `uv_names` under which its UV maps come, and
     `prepared` is what is ready of it.
     """
 
-    def __init__(self, target, body):
-        self.source, self.target, self.body = target.spectral_match_source, target, body.obj
-        self._body = body
+    def __init__(self, target, view):
+        self.view, self.source, self.body, self.target = view, view.object, view.body, target
+        self.targets = [target]
         self.wanted, self.sides, self.uv_names, self.prepared = {}, Sides(), {}, []
-        self.triangle_corners, self.triangle_faces = body.corners, body.faces
+        self.triangle_corners, self.triangle_faces = view.triangle_corners, view.triangle_faces
         self.triangles = mesh_read.corner_vertices(self.body.data)[self.triangle_corners]
         self.faces = mesh_read.face_starts(target.data), mesh_read.corner_vertices(target.data)
 
     def anew(self):
         """The same way to the target as it is now, with nothing prepared."""
-        route = Route(self.target, self._body)
+        route = Route(self.target, self.view)
         route.wanted, route.sides, route.uv_names = self.wanted, self.sides, self.uv_names
         return route
 
@@ -49,22 +49,9 @@ class Route:
         """Coordinates of the source's body, (n_source, 3)."""
         return mesh_read.positions(self.body.data).astype(np.float64)
 
-    @property
-    def source_is_completed(self):
-        """Whether the source's body is more than what is modelled of it."""
-        return self._body.is_whole
-
-    def in_body(self, faces, weights, images):
-        """Places in modelled triangles, in images in mirrors → the body's triangles, and weights there."""
-        return self._body.triangles_of(faces, weights, images)
-
-    def as_stored(self, faces, weights):
-        """Places in the body's triangles → modelled triangles, weights there, and images in mirrors."""
-        return self._body.as_stored(faces, weights)
-
     def shown_places(self, points):
-        """Places of the body's vertices where the source's modelled vertices are at `points`, (n, 3)."""
-        return self._body.shown(points) if self._body.is_whole else points
+        """Places of the body's vertices where the source's vertices are at `points`, (n, 3)."""
+        return self.view.shown(points)
 
     @cached_property
     def target_points(self):
@@ -91,6 +78,21 @@ class Route:
         finally:
             bpy.data.meshes.remove(mesh)
 
+    @cached_property
+    def answering(self):
+        """The meshes of the source on which the target has images, that with the most of them first."""
+        piece, _, _, _ = mesh_write.read_places(self.target.data)
+        count = np.bincount(piece, minlength=len(self.view.pieces))
+        return [self.view.pieces[number] for number in np.argsort(-count, kind="stable") if count[number]]
+
+    def keys_with(self, name):
+        """The source's own shape keys that one of this name comes from, of the first mesh that has it."""
+        for obj in (*self.answering, *self.view.pieces):
+            keys = obj.data.shape_keys
+            if keys is not None and name in keys.key_blocks:
+                return keys
+        return self.source.data.shape_keys
+
     @property
     def target_corners(self):
         """Corners of the target's triangles, (m, 3)."""
@@ -100,6 +102,10 @@ class Route:
     def target_triangle_faces(self):
         """Faces of the target's triangles, (m,)."""
         return self._target_fans[1]
+
+    def surfaces(self, triangles):
+        """The target's meshes: the object, which of these triangles are on it, (m,), and their corners."""
+        return [(self.target, np.ones(len(triangles), bool), self.target_corners[triangles])]
 
     @cached_property
     def carried_slots(self):
@@ -114,19 +120,7 @@ class Route:
     @cached_property
     def map(self):
         """The core's `SurfaceMap`; weights are brought back to a sum of one from single precision."""
-        face, weights, confidence = (
-            read_attribute(self.target.data.attributes[name]).astype(np.float64)
-            for name in ("match_face", "match_barycentric", "match_confidence")
-        )
-        weights = np.clip(weights, 0.0, None)
-        face, weights = self.in_body(face.astype(int), weights, stored_match.images(self.target.data))
-        return self._joined(
-            self.source_points,
-            self.target_points,
-            face,
-            weights / weights.sum(axis=1, keepdims=True),
-            confidence,
-        )
+        return self._joined(self.source_points, self.target_points, *_stored(self.view, self.target.data))
 
     def _joined(self, source_points, target_points, face, weights, confidence):
         return core.load().SurfaceMap(
@@ -198,6 +192,84 @@ class Route:
         """The source vertex nearest to each target vertex's image."""
         strongest = self.barycentric.argmax(axis=1)
         return self.triangles[self.face, strongest]
+
+
+class FigureRoute(Route):
+    """The way to all meshes of a target at once, in the space of the first, which is `target`.
+
+    It is for what belongs to the whole character: rigs, and objects that hang on it.
+    """
+
+    def __init__(self, targets, view):
+        super().__init__(targets[0], view)
+        self.targets = targets
+        self._matrices = character.placed(targets)
+        counts = [(len(obj.data.vertices), len(obj.data.loops), len(obj.data.polygons)) for obj in targets]
+        self._before = np.cumsum([(0, 0, 0), *counts], axis=0)[:-1].tolist()
+        starts = [mesh_read.face_starts(obj.data) for obj in targets]
+        corners = [mesh_read.corner_vertices(obj.data) for obj in targets]
+        self.faces = (
+            np.concatenate(
+                [own[:-1] + loops for own, (_, loops, _) in zip(starts, self._before, strict=True)]
+                + [np.array([sum(map(len, corners))])]
+            ).astype(np.int32),
+            np.concatenate(
+                [own + points for own, (points, _, _) in zip(corners, self._before, strict=True)]
+            ).astype(np.int32),
+        )
+
+    @cached_property
+    def target_points(self):
+        """Coordinates of all meshes in the space of the first, (n_target, 3)."""
+        return np.concatenate(
+            [
+                mesh_read.positions(obj.data).astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
+                for obj, matrix in zip(self.targets, self._matrices, strict=True)
+            ]
+        )
+
+    @cached_property
+    def _target_fans(self):
+        corners, faces = [], []
+        for obj, matrix, (_, loops, polygons) in zip(self.targets, self._matrices, self._before, strict=True):
+            own_corners, own_faces = mesh_read.triangle_corners(obj.data)
+            mirrored = np.linalg.det(matrix[:3, :3]) < 0.0
+            corners.append((own_corners[:, ::-1] if mirrored else own_corners) + loops)
+            faces.append(own_faces + polygons)
+        return np.concatenate(corners), np.concatenate(faces)
+
+    def surfaces(self, triangles):
+        """As of one mesh, of each of them."""
+        corners = self.target_corners[triangles]
+        ends = [*(loops for _, loops, _ in self._before[1:]), len(self.faces[1])]
+        found = []
+        for obj, (_, begin, _), end in zip(self.targets, self._before, ends, strict=True):
+            here = (corners[:, 0] >= begin) & (corners[:, 0] < end)
+            found.append((obj, here, corners[here] - begin))
+        return found
+
+    @cached_property
+    def target_triangles(self):
+        """Vertices of the triangles of all meshes, (m, 3)."""
+        return self.faces[1][self.target_corners]
+
+    @cached_property
+    def map(self):
+        """The core's `SurfaceMap` onto all meshes."""
+        stored = [_stored(self.view, obj.data) for obj in self.targets]
+        return self._joined(
+            self.source_points,
+            self.target_points,
+            *(np.concatenate(values) for values in zip(*stored, strict=True)),
+        )
+
+
+def _stored(view, mesh):
+    """Triangles of the view, weights and confidence that a mesh has of its match."""
+    face, weights = view.places(*mesh_write.read_places(mesh))
+    weights = np.clip(weights.astype(np.float64), 0.0, None)
+    confidence = mesh_write.read_attribute(mesh.attributes["match_confidence"]).astype(np.float64)
+    return face, weights / weights.sum(axis=1, keepdims=True), confidence
 
 
 def _stretch(obj):

@@ -183,20 +183,12 @@ def _extend_match(route, cuts, number):
     new = number[-len(cuts.shares) :]
     made = new >= 0
     place = np.concatenate([cuts.moved, new[made]])
-    faces = read_attribute(mesh.attributes["match_face"])
-    weights = read_attribute(mesh.attributes["match_barycentric"])
-    images = stored_match.images(mesh)
-    faces[place], weights[place], images[place] = route.as_stored(
-        np.concatenate([cuts.moved_faces, cuts.faces[made]]),
-        np.concatenate([cuts.moved_barycentric, cuts.barycentric[made]]),
-    )
-    write_attribute(mesh, "match_face", "INT", "POINT", faces)
-    write_attribute(mesh, "match_barycentric", "FLOAT_VECTOR", "POINT", weights)
-    if mesh_write.MATCH_IMAGE in mesh.attributes:
-        write_attribute(mesh, mesh_write.MATCH_IMAGE, "INT", "POINT", images)
+    faces, weights = route.view.places(*mesh_write.read_places(mesh))
+    faces[place] = np.concatenate([cuts.moved_faces, cuts.faces[made]])
+    weights[place] = np.concatenate([cuts.moved_barycentric, cuts.barycentric[made]])
+    mesh_write.write_places(mesh, len(route.view.pieces) > 1, *route.view.in_pieces(faces, weights))
     if "match_position" in mesh.attributes:
-        shown = route.in_body(faces, weights, images)
-        positions = mesh_write.image_points(route.source_points, route.triangles, *shown)
+        positions = mesh_write.image_points(route.source_points, route.triangles, faces, weights)
         write_attribute(mesh, "match_position", "FLOAT_VECTOR", "POINT", positions)
     stored = mesh.spectral_match
     stored.target_fingerprint = str(mesh_read.fingerprint(mesh))

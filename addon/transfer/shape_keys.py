@@ -51,7 +51,8 @@ def prepare(route, wanted, options):
         if _reach(carried) < STILL * _reach(delta):
             still.append(block.name)
     if options.skip_still:
-        left = _left_out(route.target, blocks, named, set(still) - _read_by_drivers(keys))
+        read = set().union(*map(_read_by_drivers, {route.keys_with(block.name) for block in blocks}))
+        left = _left_out(route.target, blocks, named, set(still) - read)
         blocks = [block for block in blocks if block.name not in left]
         if left:
             notes.append(
@@ -65,7 +66,7 @@ def prepare(route, wanted, options):
     if missing:
         notes.append(
             f"Shape keys are masked by groups that '{route.target.name}' lacks, unless these are carried "
-            f"too: {', '.join(missing)}"
+            f"too: {listed(missing)}"
         )
     return Prepared(lambda: _write(route, blocks, named, offsets, masks), tuple(notes))
 
@@ -157,8 +158,12 @@ def _write(route, blocks, named, offsets, masks):
         made[block.name] = own
     target.active_shape_key_index = shown
     _copy_drivers(route, blocks, made)
-    named = {block.name: made[block.name].name for block in blocks}
-    carry_animation(blocks[0].id_data, keys, partial(_own_path, named), target)
+    by_keys = {}
+    for block in blocks:
+        by_keys.setdefault(route.keys_with(block.name), {})[block.name] = made[block.name].name
+    # The tracks are those of the last.
+    for given, named in reversed(by_keys.items()):
+        carry_animation(given, keys, partial(_own_path, named), target)
 
 
 def _own_path(named, path):
@@ -172,11 +177,12 @@ def _own_path(named, path):
 
 def _copy_drivers(route, blocks, made):
     """Drivers of the keys' values and settings, instead of those that the target's keys had."""
-    given, held = blocks[0].id_data.animation_data, route.target.data.shape_keys.animation_data
-    if given is None and held is None:
-        return
-    held = held or route.target.data.shape_keys.animation_data_create()
+    held = route.target.data.shape_keys.animation_data
     for block in blocks:
+        given = route.keys_with(block.name).animation_data
+        if given is None and held is None:
+            continue
+        held = held or route.target.data.shape_keys.animation_data_create()
         for setting in DRIVEN:
             path = _path(made[block.name], setting)
             old = held.drivers.find(path)

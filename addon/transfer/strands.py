@@ -3,11 +3,12 @@
 
 import bpy
 import numpy as np
+from mathutils.kdtree import KDTree
 
-from .. import core
+from .. import core, mesh_read
 from ..mesh_write import read_attribute, write_attribute
 from .attachment import in_source, placed
-from .copies import copied
+from .copies import copied, meant_by
 from .layouts import read_uv
 from .uv_maps import SHARE_ROOM
 
@@ -36,17 +37,36 @@ def carry(route, companion, _options, notes):
         # As thick as before beside their length.
         grown = np.cbrt(abs(np.linalg.det(matrix[:3, :3]))) * found.scales[strand]
         values["radius"] = ("FLOAT", "POINT", read_attribute(hair.attributes["radius"]) * grown)
-    corners = route.target_corners[found.faces]
+    surface, here, corners = max(route.surfaces(found.faces), key=lambda each: np.count_nonzero(each[1]))
+    # A strand on another mesh goes with the nearest one that stands on this.
+    roots = found.points.reshape(places.shape)[0, first]
+    mate = np.arange(len(count)) if here.all() else _nearest(roots, roots[here])
+    apart = np.count_nonzero(~here)
+    corners, weights = corners[mate], found.barycentric[here][mate]
 
     def write(own):
         _own_data(own, companion)
         for name, value in values.items():
             write_attribute(own.data, name, *value)
-        if hair.surface == route.source:
-            notes.extend(_attach(route, hair.surface_uv_map, own, corners, found.barycentric))
+        if hair.surface in meant_by(route.source):
+            notes.extend(_attach(route, surface, hair.surface_uv_map, own, corners, weights))
+            if apart:
+                notes.append(
+                    f"{apart} of {len(count)} strands of '{own.name}' stand on other meshes than "
+                    f"'{surface.name}', to which hair nodes attach all of them"
+                )
         own.data.update_tag()
 
     return write, None
+
+
+def _nearest(points, others):
+    """Which of the others is the nearest to each point."""
+    tree = KDTree(len(others))
+    for number, point in enumerate(others.tolist()):
+        tree.insert(point, number)
+    tree.balance()
+    return np.array([tree.find(point)[1] for point in points.tolist()], int)
 
 
 def _has(hair, name, data_type):
@@ -73,10 +93,9 @@ def _own_data(own, companion):
         bpy.data.hair_curves.remove(before)
 
 
-def _attach(route, wanted, own, corners, weights):
-    """Tell the copy where on the target's UV map each strand stands, as hair nodes ask; returns notes."""
-    target = route.target
-    if route.source.add_rest_position_attribute:
+def _attach(route, target, wanted, own, corners, weights):
+    """Tell the copy where on the UV map of this mesh each strand stands, as hair nodes ask; returns notes."""
+    if any(piece.add_rest_position_attribute for piece in meant_by(route.source)):
         target.add_rest_position_attribute = True
     own.data.surface = target
     if not wanted:
@@ -105,7 +124,9 @@ def _attach(route, wanted, own, corners, weights):
             f"'{own.name}' cannot be attached. Unwrap it anew"
         )
         return notes
-    surface = route.target_points[route.target_triangles], uv[route.target_corners]
+    fans, _ = mesh_read.triangle_corners(target.data)
+    points = mesh_read.positions(target.data)[mesh_read.corner_vertices(target.data)[fans]]
+    surface = points.astype(np.float64), uv[fans]
     overlap = core.load().judge_layout(*surface)["overlap"]
     if overlap > SHARE_ROOM:
         notes.append(

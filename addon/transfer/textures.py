@@ -15,6 +15,7 @@ from .image_nodes import image_nodes, images, laid, normal_maps
 from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
 from .kind import Kind, Prepared
 from .layouts import bake_map, finite_uv, takes_over
+from .listed import listed
 from .material_copies import fitting, forget, is_made_from, made_title, own_copy, slot_name
 from .normals import matrices
 from .sheets import sheets
@@ -294,7 +295,7 @@ def _unseen(route, uses, baked):
     unseen = sorted({use.image.name for use, _ in baked if not any(map(seen, materials[use]))})
     if not unseen:
         return []
-    which = ", ".join(f"'{name}'" for name in unseen)
+    which = listed(f"'{name}'" for name in unseen)
     return [
         f"The materials of '{route.target.name}' do not show what was baked from {which}: use the baked "
         "images in them, or check Materials and transfer again"
@@ -302,11 +303,14 @@ def _unseen(route, uses, baked):
 
 
 def _fill_slots(route):
-    """Give a target without material slots those of the source."""
+    """Give a target without material slots those of the source; of one of several meshes those it shows."""
     if not route.target.material_slots:
-        for slot in route.source.material_slots:
-            route.target.data.materials.append(slot.material)
-        route.target.data.polygons.foreach_set("material_index", route.carried_slots.astype(np.int32))
+        label, slots = route.carried_slots, route.source.material_slots
+        given = np.arange(len(slots)) if len(route.view.starts) == 1 else np.unique(label)
+        for place in given.tolist():
+            route.target.data.materials.append(slots[place].material)
+        index = np.searchsorted(given, label).astype(np.int32)
+        route.target.data.polygons.foreach_set("material_index", index)
 
 
 def _show_originals(route, options):

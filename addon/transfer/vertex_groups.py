@@ -1,19 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Vertex groups: weights carried by the core; locked groups and masked vertices keep what they have."""
 
-from contextlib import contextmanager
-
-import bmesh
 import numpy as np
-from bpy.props import BoolProperty, FloatProperty, IntProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import write_attribute
 from .kind import Kind, Prepared
 from .listed import listed
+from .own_rig import AUTO, KEEP, REPLACE, bones_after, keeps_rig, kept_name, own_modifiers, translated
+from .weight_sums import finished, giving_way, mixed, sums
+from .weights import copy_group, deforming_bones, read_weights, write_weights
 
-# Weights that sum to this much more than 1 are single precision's.
-SUM_ROUNDING = 1e-3
 # On the target, where vertices were filled from their neighbours because their images were rejected.
 FILLED = "match_filled"
 
@@ -23,64 +21,115 @@ def names(source):
 
 
 def prepare(route, wanted, options):
-    groups, notes = route.sides.of_all(wanted)
-    locks = {group.name for group in route.target.vertex_groups if group.lock_weight}
-    locked = np.array([name in locks for name in groups.values()], bool)
-    own = read_weights(route.target)
-    masked = _masked(route.target, own, options.group_mask)
-    deforming = _deforming(route.source, wanted)
-    carried = route.map.skin_weights(
-        *_rows(route.body, wanted),
-        len(groups),
-        deforming=deforming,
-        reject_below=options.reject_below,
-        smoothing=options.smooth_weights,
-        prune=options.prune,
-        limit=options.limit if options.limit_total else None,
-        normalize=options.normalize,
-        locked=_locked(route, wanted, own, locked) if locks else None,
-    )
-    count = len(route.target_points)
-    vertex = np.repeat(np.arange(count), np.diff(carried.starts))
-    kept = masked[vertex]
-    written = [name for name in groups.values() if name not in locks]
-    place = np.cumsum(~locked) - 1
-    weights = vertex[kept], place[carried.groups[kept]], carried.weights[kept]
+    target = route.target
+    named, notes = route.sides.of_all(wanted)
+    groups = list(named.values())
+    locks = {group.name for group in target.vertex_groups if group.lock_weight}
+    own = read_weights(target)
+    masked = _masked(target, own, options.group_mask)
+    if keeps_rig(route, options):
+        groups, weights, filled, words = _translated(route, wanted, groups, own, locks, options)
+        notes += words
+    else:
+        locked = np.array([name in locks for name in groups], bool)
+        weights, filled = _carried(
+            route,
+            wanted,
+            options,
+            prune=options.prune,
+            limit=options.limit if options.limit_total else None,
+            normalize=options.normalize,
+            locked=_locked(route, wanted, own, locked) if locks else None,
+        )
+    written = [name for name in groups if name not in locks]
+    place = np.array([written.index(name) if name in written else -1 for name in groups], int)
+    weights = weights[0], place[weights[1]], weights[2]
+    kept = masked[weights[0]] & (weights[1] >= 0)
+    weights = tuple(values[kept] for values in weights)
     if options.mix < 1.0:
-        weights = _mixed(route.target, own, masked, written, weights, options)
-    filled = np.zeros(count, bool)
-    filled[carried.filled] = True
-    if locked.any():
-        notes.append(f"{locked.sum()} locked vertex groups of '{route.target.name}' were left as they are")
-    others, words = _others(route, own, masked, written, weights, options)
+        weights = mixed(target, own, masked, written, weights, options)
+    if len(written) < len(groups):
+        notes.append(
+            f"{len(groups) - len(written)} locked vertex groups of '{target.name}' were left as they are"
+        )
+    others, words = giving_way(route, own, masked, written, weights, options)
     notes += words
     if filled.any():
         notes.append(
-            f"{filled.sum()} vertices of '{route.target.name}' were filled from their neighbours: "
-            f"see the attribute {FILLED}"
+            f"{filled.sum()} vertices of '{target.name}' were filled from their neighbours: see the "
+            f"attribute {FILLED}"
         )
+    replaced, words = _replaced(route, written, options)
+    notes += words
 
     def write():
-        write_weights(route.target, written, weights, masked)
+        for name, kept in replaced.items():
+            copy_group(target, name, kept)
+        write_weights(target, written, weights, masked)
         for names, values, there in others:
-            write_weights(route.target, names, values, there)
-        if filled.any() or FILLED in route.target.data.attributes:
-            write_attribute(route.target.data, FILLED, "BOOLEAN", "POINT", filled)
+            write_weights(target, names, values, there)
+        if filled.any() or FILLED in target.data.attributes:
+            write_attribute(target.data, FILLED, "BOOLEAN", "POINT", filled)
 
     return Prepared(write, tuple(notes))
 
 
-def read_weights(obj):
-    """All weights of an object's mesh as arrays (vertex, group, weight), sorted by vertex."""
-    counts, group, weight = [], [], []
-    for vertex in obj.data.vertices:
-        entries = vertex.groups
-        counts.append(len(entries))
-        for entry in entries:
-            group.append(entry.group)
-            weight.append(entry.weight)
-    vertex = np.repeat(np.arange(len(counts)), counts)
-    return vertex, np.array(group, np.int64), np.array(weight, np.float64)
+def _carried(route, wanted, options, **finish):
+    """Weights of the wanted groups (vertex, place in `wanted`, weight), and which vertices were filled."""
+    carried = route.map.skin_weights(
+        *_rows(route.body, wanted),
+        len(wanted),
+        deforming=_deforming(route.source, wanted),
+        reject_below=options.reject_below,
+        smoothing=options.smooth_weights,
+        **finish,
+    )
+    count = len(route.target_points)
+    filled = np.zeros(count, bool)
+    filled[carried.filled] = True
+    vertex = np.repeat(np.arange(count), np.diff(carried.starts))
+    return (vertex, np.asarray(carried.groups, int), carried.weights), filled
+
+
+def _translated(route, wanted, groups, own, locks, options):
+    """What `_carried` gives on bones of a rig that the target keeps: their names, weights, filled, notes."""
+    whole = {"prune": 0.0, "limit": None, "normalize": False, "locked": None}
+    weights, filled = _carried(route, wanted, options, **whole)
+    known = names(route.source)
+    moving = [name for name, moves in zip(known, _deforming(route.source, known), strict=True) if moves]
+    every, _ = _carried(route, moving, options, **whole)
+    everything = [route.sides.of(name) for name in moving], every
+    called, weights, pairs = translated(route, groups, weights, everything)
+    moved = dict(zip(groups, _deforming(route.source, wanted), strict=True)) | bones_after(route, options)
+    locked = np.array([name in locks for name in called], bool)
+    weights = finished(
+        weights,
+        np.array([moved.get(name, False) for name in called], bool),
+        _locked(route, wanted, own, locked),
+        options,
+    )
+    if not pairs:
+        return called, weights, filled, []
+    rig = own_modifiers(route)[0].object.name
+    told = listed(f"{one} → {other}" for one, other in pairs)
+    note = f"'{route.target.name}' keeps its rig '{rig}'. Weights went to bones that hold the same: {told}"
+    return called, weights, filled, [note]
+
+
+def _replaced(route, written, options):
+    """Groups of a rig that is replaced which are written: under which names they are kept, and a note."""
+    target = route.target
+    own = own_modifiers(route) if route.wanted.get("armature") and not keeps_rig(route, options) else []
+    present, kept = target.vertex_groups, {}
+    for rig in dict.fromkeys(modifier.object for modifier in own):
+        for name in {bone.name for bone in rig.data.bones} & set(written):
+            if name in present and kept_name(name, rig) not in present:
+                kept.setdefault(name, kept_name(name, rig))
+    if not kept:
+        return kept, []
+    return kept, [
+        f"Groups of '{target.name}' that both its rig and the source's have are kept: {listed(kept.values())}"
+    ]
 
 
 def _rows(source, wanted):
@@ -116,42 +165,21 @@ def _locked(route, wanted, own, locked):
     """
     target = route.target
     held = np.array([group.lock_weight for group in target.vertex_groups], bool)
-    bones = _bones(route.source) | _bones(target)
+    bones = deforming_bones(route.source) | deforming_bones(target)
     held &= np.array([bones.get(group.name, not bones) for group in target.vertex_groups], bool)
     vertex, group, weight = own
     used = held[group]
     count = len(route.target_points)
     return (
         locked,
-        np.clip(_sums(vertex[used], weight[used], count) - _left_behind(route, wanted), 0.0, None),
+        np.clip(sums(vertex[used], weight[used], count) - _left_behind(route, wanted), 0.0, None),
         np.bincount(vertex[used & (weight > 0.0)], minlength=count),
     )
 
 
-def _mixed(target, own, masked, written, weights, options):
-    """The share `mix` of the carried weights and the rest of what the target has in these groups."""
-    place = np.full(max(len(target.vertex_groups), 1), -1)
-    for at, name in enumerate(written):
-        group = target.vertex_groups.get(name)
-        if group is not None:
-            place[group.index] = at
-    vertex, group, weight = own
-    kept = masked[vertex]
-    kept[kept] = place[group[kept]] >= 0
-    parts = (
-        (weights[0], weights[1], options.mix * weights[2]),
-        (vertex[kept], place[group[kept]], (1.0 - options.mix) * weight[kept]),
-    )
-    vertex, group, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
-    entry, joined = np.unique(vertex * len(written) + group, return_inverse=True)
-    weight = np.bincount(joined, weight, minlength=len(entry))
-    held = weight >= options.prune
-    return entry[held] // len(written), entry[held] % len(written), weight[held]
-
-
 def _left_behind(route, wanted):
     """Weights of the source's deforming groups that are not wanted, at each vertex of the target."""
-    bones = _bones(route.source)
+    bones = deforming_bones(route.source)
     groups = [
         group.index
         for group in route.source.vertex_groups
@@ -159,135 +187,13 @@ def _left_behind(route, wanted):
     ]
     vertex, group, weight = read_weights(route.body)
     left = np.isin(group, groups)
-    return route.to_points(_sums(vertex[left], weight[left], len(route.source_points)))
-
-
-def _others(route, own, masked, written, weights, options):
-    """What becomes of groups of other bones, neither carried nor locked, where sums rise beyond one.
-
-    On a rigged target they give way: what the carried groups and the locked ones leave is shared among them
-    in their proportions, the weakest left out beyond the limit of weights a vertex. Returns arguments of
-    `write_weights`, names, weights and vertices, and notes.
-    """
-    target = route.target
-    rigged = bool(_bones(target))
-    bones = _bones(target) or _bones(route.source)
-    groups = list(target.vertex_groups)
-    others = [group for group in groups if bones.get(group.name) and group.name not in written]
-    locked = [group for group in others if group.lock_weight]
-    others = [group for group in others if not group.lock_weight]
-    count = len(route.target_points)
-    vertex, group, weight = own
-    ours = np.array([bones.get(name, False) for name in written], bool)[weights[1]]
-    used = np.isin(group, [held.index for held in locked])
-    taken = _sums(weights[0][ours], weights[2][ours], count) + _sums(vertex[used], weight[used], count)
-    entries = np.flatnonzero(
-        np.isin(group, [other.index for other in others]) & masked[vertex] & (weight > 0.0)
-    )
-    beside = _sums(vertex[entries], weight[entries], count)
-    over = (beside > 0.0) & (beside + taken > 1.0 + SUM_ROUNDING)
-    if not over.any():
-        return [], []
-    entries = entries[over[vertex[entries]]]
-    touched = [other for other in others if np.any(group[entries] == other.index)]
-    named = listed(other.name for other in touched)
-    if not (rigged and options.others_give_way):
-        return [], [
-            f"Weights of {over.sum()} vertices of '{target.name}' sum to more than 1, because groups of "
-            f"other bones move them too: {named}. Remove these groups, or lock those that shall stay and "
-            "transfer again"
-        ]
-    if options.limit_total:
-        held = np.bincount(weights[0][ours], minlength=count) + np.bincount(vertex[used], minlength=count)
-        entries = _strongest(entries, vertex, weight, options.limit - held)
-    beside = _sums(vertex[entries], weight[entries], count)
-    left = np.clip(1.0 - taken, 0.0, None)
-    shared = weight[entries] * left[vertex[entries]] / beside[vertex[entries]]
-    kept = shared >= max(options.prune, SUM_ROUNDING * SUM_ROUNDING)
-    place = np.full(len(groups), -1)
-    place[[other.index for other in touched]] = np.arange(len(touched))
-    values = vertex[entries[kept]], place[group[entries[kept]]], shared[kept]
-    note = (
-        f"Weights of other bones gave way at {over.sum()} vertices of '{target.name}': {named}. Lock groups "
-        "that shall stay as they are"
-    )
-    return [([other.name for other in touched], values, over)], [note]
-
-
-def _sums(vertex, weight, count):
-    """Sum of these weights at each of `count` vertices."""
-    return np.bincount(vertex, weight, minlength=count).astype(np.float64)
-
-
-def _strongest(entries, vertex, weight, room):
-    """Of these entries those that are among the strongest `room` (n,) of their vertices."""
-    order = entries[np.lexsort((-weight[entries], vertex[entries]))]
-    first = np.searchsorted(vertex[order], vertex[order])
-    return order[np.arange(len(order)) - first < room[vertex[order]]]
-
-
-def _bones(obj):
-    """Whether each bone of the object's armatures deforms, by its name."""
-    return {
-        bone.name: bone.use_deform
-        for modifier in obj.modifiers
-        if modifier.type == "ARMATURE" and modifier.object is not None
-        for bone in modifier.object.data.bones
-    }
+    return route.to_points(sums(vertex[left], weight[left], len(route.source_points)))
 
 
 def _deforming(source, wanted):
     """True for each group that moves with a bone; all of them when the source has no armature to ask."""
-    bones = _bones(source)
+    bones = deforming_bones(source)
     return np.array([bones.get(name, not bones) for name in wanted], bool)
-
-
-@contextmanager
-def _kept_shapes(mesh):
-    """Coordinates of mesh and shape keys stay: where they disagree, `BMesh.to_mesh` would move the keys."""
-    blocks = [] if mesh.shape_keys is None else list(mesh.shape_keys.key_blocks)
-    places = [mesh.vertices, *(block.data for block in blocks)]
-    kept = [_coordinates(place) for place in places[:2]]
-    if len(kept) < 2 or np.array_equal(*kept):
-        yield
-        return
-    kept += [_coordinates(place) for place in places[2:]]
-    yield
-    for place, values in zip([mesh.vertices, *(block.data for block in blocks)], kept, strict=True):
-        place.foreach_set("co", values)
-
-
-def _coordinates(place):
-    values = np.empty(len(place) * 3, np.float32)
-    place.foreach_get("co", values)
-    return values
-
-
-def write_weights(target, wanted, weights, masked=None):
-    """Replace these groups of the target at the masked vertices; its other groups stay."""
-    slots = []
-    for name in wanted:
-        group = target.vertex_groups.get(name) or target.vertex_groups.new(name=name)
-        slots.append(group.index)
-    vertex, group, weight = weights
-    entries = np.array(slots, np.int64)[group].tolist()
-    with _kept_shapes(target.data):
-        edited = bmesh.new()
-        try:
-            edited.from_mesh(target.data)
-            deform = edited.verts.layers.deform.verify()
-            rows = [vert[deform] for vert in edited.verts]
-            chosen = range(len(rows)) if masked is None else np.flatnonzero(masked).tolist()
-            ours = set(slots)
-            for place in chosen:
-                row = rows[place]
-                for slot in ours.intersection(row.keys()):
-                    del row[slot]
-            for place, slot, value in zip(vertex.tolist(), entries, weight.tolist(), strict=True):
-                rows[place][slot] = value
-            edited.to_mesh(target.data)
-        finally:
-            edited.free()
 
 
 KIND = Kind(
@@ -323,6 +229,21 @@ KIND = Kind(
             default=True,
             description="On a target with a rig, weights of its other bones make room for what is carried, "
             "so that they sum to 1. Locked groups stay",
+        ),
+        "own_rig": EnumProperty(
+            name="Rig of the Target",
+            items=(
+                (AUTO, "Automatic", "Replaced where Armature is carried, else kept"),
+                (
+                    REPLACE,
+                    "Replace",
+                    "The source's rig takes its place where Armature is carried; its own stays, with the "
+                    "modifier off and its groups beside the new ones",
+                ),
+                (KEEP, "Keep", "It stays, and weights go to those of its bones that hold the same surface"),
+            ),
+            default=AUTO,
+            description="What becomes of a rig that the target has already",
         ),
         "prune": FloatProperty(
             name="Prune Below",

@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import bpy
 import numpy as np
 
-from .. import completion, mesh_read, stored_match
+from .. import completion, mesh_read
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import OURS, read_attribute, write_attribute
 from .copies import copied
+from .shape_keys import read_key
 
 # On the whole mesh: the modelled vertex, face and corner that each of its own shows.
 VERTEX, FACE, CORNER = (f"{OURS}whole_{what}" for what in ("vertex", "face", "corner"))
@@ -82,9 +83,11 @@ class Body:
 
 
 @contextmanager
-def body_of(target):
-    """The source's body by which the target was matched; an object made for it is removed in the end."""
-    source, images = target.spectral_match_source, stored_match.images(target.data).max(initial=0)
+def body_of(source, images):
+    """The source's body that has all images in mirrors up to this one, 0 for none, as a match stored them.
+
+    An object made for it is removed in the end.
+    """
     if images == 0:
         yield Body.as_modelled(source)
         return
@@ -101,6 +104,20 @@ def body_of(target):
         mesh = obj.data
         bpy.data.objects.remove(obj)
         bpy.data.meshes.remove(mesh)
+
+
+def give_keys(body, source):
+    """Give the object made for a body the source's shape keys, as they move the whole."""
+    keys = source.data.shape_keys
+    if keys is None:
+        return
+    for block in keys.key_blocks:
+        own = body.obj.shape_key_add(name=block.name, from_mix=False)
+        own.data.foreach_set("co", body.shown(read_key(block)).astype(np.float32).ravel())
+    made = body.obj.data.shape_keys
+    made.use_relative = keys.use_relative
+    for block, own in zip(keys.key_blocks, made.key_blocks, strict=True):
+        own.relative_key = made.key_blocks[block.relative_key.name]
 
 
 def _whole(source, mirrors):

@@ -12,7 +12,7 @@ from addon import mesh_read, notice, stored_match
 from addon.mesh_write import read_attribute, write_attribute
 from addon.transfer.layouts import read_uv
 from addon.transfer.shape_keys import read_key
-from addon.transfer.vertex_groups import read_weights
+from addon.transfer.weights import read_weights
 
 TEXELS = 2048
 

@@ -53,16 +53,16 @@ def test_lines_end_with_the_file(pair):
 def test_line_samples_follow_the_match(pair):
     source, target, _ = pair
     bpy.ops.spectral_match.match()
-    samples = overlay._samples_of(source, target)
+    samples = overlay._samples_of([source], target)
     assert len(samples.vertices) == overlay.LINES
     depsgraph = bpy.context.evaluated_depsgraph_get()
     corners = overlay.world_points(source, depsgraph, samples.corners.ravel().tolist()).reshape(-1, 3, 3)
     images = np.einsum("ij,ijc->ic", samples.weights, corners)
     expected = read_attribute(target.data.attributes["match_position"])[samples.vertices]
     np.testing.assert_allclose(images, expected, atol=1e-5)
-    assert overlay._samples_of(source, target) is samples
+    assert overlay._samples_of([source], target) is samples
     bpy.ops.spectral_match.match()
-    assert overlay._samples_of(source, target) is not samples
+    assert overlay._samples_of([source], target) is not samples
 
 
 def shown(obj):

@@ -8,7 +8,7 @@ from conftest import lumpy, new_object
 from test_transfer import store_identity, transfer
 
 from addon import notice
-from addon.transfer.vertex_groups import read_weights, write_weights
+from addon.transfer.weights import read_weights, write_weights
 
 # Weights are kept in single precision, and a row is a sum of few.
 ROUNDING = 1e-6

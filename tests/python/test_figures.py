@@ -14,7 +14,7 @@ def shattered(vertices, faces):
 
 
 def cut_at_seams(vertices, faces):
-    """Along three planes the faces on one side have vertices of their own, as islands of a texture are exported."""
+    """Along three planes faces of one side have vertices of their own, as exported texture islands do."""
     middles = vertices[faces].mean(axis=1)
     island = ((middles > np.median(middles, axis=0)) * [1, 2, 4]).sum(axis=1)
     pairs = faces + len(vertices) * island[:, None]
@@ -61,8 +61,9 @@ def resting():
 
 @pytest.fixture(scope="module")
 def clothed(slender):
-    """The slender body in shirt and trousers, with the skin below them deleted: three or more pieces, and the body's vertex
-    that each vertex lies on."""
+    """The slender body in shirt and trousers, with the skin below them deleted: three or more pieces, and the
+    body's vertex that each vertex lies on.
+    """
     vertices, faces = slender.vertices, slender.faces
     height = (vertices[:, 2] - vertices[:, 2].min()) / np.ptp(vertices[:, 2])
     gap = 0.004 * np.ptp(vertices[:, 2])
@@ -130,7 +131,7 @@ def test_a_landmark_may_be_any_of_the_vertices_at_a_place(slender, resting):
 
 
 def test_a_clothed_figure_is_matched_as_one(clothed, slender, resting):
-    """Against the same body, bare and in another pose: everything of either has its place, in both directions."""
+    """Against the same body, bare and in another pose: all of either has its place, in both directions."""
     dressed, below = clothed
     bare = resting
     shape = sgmds.Shape(*dressed)
@@ -164,7 +165,7 @@ def test_a_kept_figure_gives_the_same_map(clothed, resting, tmp_path):
 
 
 def test_what_is_seen_and_not_matched_keeps_the_grade_from_green(slender):
-    """A second body of half the size beside the first: a quarter of what is seen, and nothing of it is matched."""
+    """A second body of half the size beside the first: a quarter of what is seen, nothing of it matched."""
     body = slender.vertices, slender.faces
     beside = 0.6 * slender.vertices + [3 * np.ptp(slender.vertices[:, 0]), 0, 0], slender.faces
     corr = sgmds.match(body, joined(body, beside))

@@ -608,3 +608,59 @@ def test_seams_cut_the_faces_that_they_cross():
     crossed = (spread.min(axis=1) < 0.0) & (spread.max(axis=1) > 0.0)
     assert crossed.sum() > 20
     assert set(np.flatnonzero(crossed.any(axis=1))) <= set(cuts.cuts[:, 0].tolist())
+
+
+class TestGarments:
+    """A sleeve around a cylinder, on cylinders of other sizes, where each point's place is known."""
+
+    @staticmethod
+    def tube(radius, low, high, around=40, along=60):
+        angle, height = np.meshgrid(
+            2 * np.pi * np.arange(around) / around, np.linspace(low, high, along), indexing="xy"
+        )
+        vertices = np.stack([radius * np.cos(angle), radius * np.sin(angle), height], axis=2).reshape(-1, 3)
+        i, j = np.arange(around), (np.arange(around) + 1) % around
+        rings = around * np.arange(along - 1)[:, None]
+        lower = np.stack([rings + i, rings + j, rings + around + j], axis=2).reshape(-1, 3)
+        upper = np.stack([rings + i, rings + around + j, rings + around + i], axis=2).reshape(-1, 3)
+        return vertices, np.concatenate([lower, upper])
+
+    def test_a_sleeve_follows_the_body_and_keeps_its_gap(self):
+        source, faces = self.tube(1.0, -3, 3)
+        sleeve, cloth = self.tube(1.03, -1, 1, along=30)
+        target = source * [1.4, 1.4, 1.0]
+        known = np.arange(len(source))
+        corners = np.array([np.flatnonzero((faces == v).any(axis=1))[0] for v in known])
+        weights = (faces[corners] == known[:, None]).astype(float)
+        along = sgmds.SurfaceMap((source, faces), (target, faces), corners, weights)
+        fitted = along.fit(sleeve, cloth)
+        radius = np.hypot(fitted[:, 0], fitted[:, 1])
+        # A wider body stretches the gap by the mean of its stretches, between 1 and 1.4.
+        assert (radius > 1.4 + 0.02).all() and (radius < 1.4 + 0.06).all()
+        assert np.abs(fitted[:, 2] - sleeve[:, 2]).max() < 0.05
+        same = sgmds.SurfaceMap((source, faces), (source, faces), corners, weights).fit(sleeve, cloth)
+        np.testing.assert_allclose(same, sleeve, atol=5e-3)
+
+    def test_cloth_stays_out_of_the_body_and_distances_are_added(self):
+        source, faces = self.tube(1.0, -3, 3)
+        sleeve, cloth = self.tube(0.97, -1, 1, along=30)
+        known = np.arange(len(source))
+        corners = np.array([np.flatnonzero((faces == v).any(axis=1))[0] for v in known])
+        weights = (faces[corners] == known[:, None]).astype(float)
+        along = sgmds.SurfaceMap((source, faces), (source, faces), corners, weights)
+        outer, cloth = self.tube(1.03, -1, 1, along=30)
+        bound = along.fitting(outer, cloth)
+        near, far = bound.place(), bound.place(distance=0.05)
+        away = np.hypot(*far[:, :2].T) - np.hypot(*near[:, :2].T)
+        np.testing.assert_allclose(away, 0.05, atol=0.01)
+        tight = np.hypot(*bound.place(tightness=1.0)[:, :2].T)
+        # The flat sides of the body of forty corners lie 0.3 % inside the circle.
+        assert (tight > 0.996).all() and tight.mean() < 1.02
+
+    def test_nonsense_is_named(self):
+        source, faces = self.tube(1.0, -3, 3)
+        known = np.zeros(len(source), int)
+        weights = np.tile([1.0, 0, 0], (len(source), 1))
+        along = sgmds.SurfaceMap((source, faces), (source, faces), known, weights)
+        with pytest.raises(sgmds.SgmdsError):
+            along.fit(source, faces)

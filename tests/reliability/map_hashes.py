@@ -2,10 +2,11 @@
 
     python tests/reliability/map_hashes.py [DATA] [--set NAME] [--every 1] [--against FILE] > FILE
 
-Maps between generated bodies of random builds and poses, whole, cut and of several thousand vertices, and, where
-DATA is a folder as `sgmds evaluate` reads it, between the pairs of its sets (every N-th with `--every N`). A line names the
-pair and gives the hash of faces, barycentric weights and confidence, and the grade. With `--against` the lines are
-compared with those of a run before the change; exit status 1 when one differs.
+Maps between generated bodies of random builds and poses, whole, cut and of several thousand vertices, and,
+where DATA is a folder as `sgmds evaluate` reads it, between the pairs of its sets (every N-th with
+`--every N`). A line names the pair and gives the hash of faces, barycentric weights and confidence, and the
+grade. With `--against` the lines are compared with those of a run before the change; exit status 1 when one
+differs.
 """
 
 import argparse

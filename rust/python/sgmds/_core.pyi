@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 __all__ = [
+    "Fitting",
     "Kernels",
     "PreparedShape",
     "RawMatch",
@@ -128,6 +129,10 @@ def envelope(
 def transfer_values(faces: _Ids, barycentric: _Floats, triangles: _Ids, values: _Floats) -> _Floats: ...
 
 @final
+class Fitting:
+    def place(self, distance: float, tightness: float, collide: bool) -> _Floats: ...
+
+@final
 class SurfaceMap:
     def __new__(
         cls,
@@ -147,6 +152,7 @@ class SurfaceMap:
     def confidence(self) -> _Floats: ...
     def images(self) -> _Floats: ...
     def frames(self) -> tuple[_Floats, _Floats]: ...
+    def bind(self, vertices: _Floats, triangles: _Ids) -> Fitting: ...
     def displacements(self, offsets: _Floats, turn_only: bool) -> _Floats: ...
     def layout(
         self, starts: _Ids, corner_vertices: _Ids, uv: _Floats

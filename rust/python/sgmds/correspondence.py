@@ -33,8 +33,9 @@ class Quality:
     figures: dict[str, Any] = field(default_factory=dict)
     """The figures behind them; a saved map comes back without.
 
-    Of every map: `unknown`, share of the target's visible area that was placed without having been matched; `unmatched`, target vertices that belong to no part matched, and `sgmds_energy`, 0 for
-    isometric shapes. Of the automatic method: `score`, how likely the map is right, in [0, 1]; `orientation`,
+    Of every map: `unknown`, share of the target's visible area that was placed without having been matched;
+    `unmatched`, target vertices that belong to no part matched, and `sgmds_energy`, 0 for isometric shapes.
+    Of the automatic method: `score`, how likely the map is right, in [0, 1]; `orientation`,
     in [−1, 1], 1 where the surface never turns over; `local_distortion`, mean change of short distances over
     √area; `contradiction`, how far the map misses landmarks and common axes; `margin`, by how many times the
     best other map fits worse, at most 2; `apart`, mean distance of an alternative from the chosen map over
@@ -45,10 +46,9 @@ class Quality:
     `converged`.
     """
 
-
     @property
     def unknown(self) -> float:
-        """Share of the target's visible area that was placed without having been matched; nan of a saved map."""
+        """Share of the target's visible area that was placed without being matched; nan of a saved map."""
         return float(self.figures.get("unknown", np.nan))
 
 

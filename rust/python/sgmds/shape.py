@@ -164,7 +164,7 @@ class Figure:
     pieces: int
     """Connected pieces after that."""
     envelope: bool
-    """Whether the closed envelope of all pieces is matched, since no piece carries nearly all that is seen."""
+    """Whether the closed envelope of all pieces is matched, as no piece carries nearly all that is seen."""
     handles: int
     """Handles of the envelope; 0 without one."""
     seen: float

@@ -1,6 +1,6 @@
 //! Binding of `sgmds_core::transfer`; `sgmds.transfer` wraps it and checks shapes and types.
 
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use numpy::{
     Element, IntoPyArray, PyArray1, PyArray2, PyArray3, PyArrayMethods, PyReadonlyArray1,
@@ -13,6 +13,8 @@ use sgmds_core::transfer::corners::{self, CornerValues, Polygons};
 use sgmds_core::transfer::diffusion::Diffusion;
 use sgmds_core::transfer::joints::fitted_joints;
 use sgmds_core::transfer::normal_maps::{FixedSpace, TangentSpace};
+use sgmds_core::transfer::outfit::bodies::Bodies;
+use sgmds_core::transfer::outfit::{self, Sitting};
 use sgmds_core::transfer::seam_cuts::seam_cuts;
 use sgmds_core::transfer::skin_weights::{Locked, SkinOptions, SkinWeights, carried_skin};
 use sgmds_core::transfer::strands::Root;
@@ -64,6 +66,35 @@ fn whole(ids: impl IntoIterator<Item = u32>) -> Vec<i64> {
 #[pyclass(frozen, module = "sgmds._core")]
 pub struct SurfaceMap {
     pub(crate) map: Arc<transfer::SurfaceMap>,
+    /// What garments need of the two bodies, made for the first.
+    bodies: OnceLock<Arc<Bodies>>,
+}
+
+/// A garment bound to the bodies of a map.
+#[pyclass(frozen, module = "sgmds._core")]
+pub struct Fitting {
+    fitting: Arc<outfit::Fitting>,
+}
+
+#[pymethods]
+impl Fitting {
+    /// Where the garment's vertices lie on the target, (n, 3).
+    fn place<'py>(
+        &self,
+        py: Python<'py>,
+        distance: f64,
+        tightness: f64,
+        collide: bool,
+    ) -> PyResult<Array2<'py, f64>> {
+        let fitting = Arc::clone(&self.fitting);
+        let sitting = Sitting {
+            distance,
+            tightness,
+            collide,
+        };
+        let placed = watched(py, None, None, move |_| fitting.place(&sitting))?;
+        table(py, placed)
+    }
 }
 
 #[pymethods]
@@ -93,7 +124,36 @@ impl SurfaceMap {
             );
             transfer::SurfaceMap::new(source?, target?, &faces, &weights, confidence)?.with_parts()
         })?;
-        Ok(Self { map: Arc::new(map) })
+        Ok(Self {
+            map: Arc::new(map),
+            bodies: OnceLock::new(),
+        })
+    }
+
+    /// Binds a garment, vertices (n, 3) and triangles (m, 3), to the two bodies.
+    fn bind(
+        &self,
+        py: Python<'_>,
+        vertices: PyReadonlyArray2<'_, f64>,
+        triangles: PyReadonlyArray2<'_, i64>,
+    ) -> PyResult<Fitting> {
+        let (map, known) = (Arc::clone(&self.map), self.bodies.get().cloned());
+        let (vertices, triangles) = (triples(&vertices)?, triples(&triangles)?);
+        let (bodies, fitting) = watched(py, None, None, move |_| {
+            let settings = outfit::Settings::default();
+            let bodies = match known {
+                Some(bodies) => bodies,
+                None => Arc::new(Bodies::new(map, &settings)?),
+            };
+            let fitting =
+                outfit::Fitting::new(Arc::clone(&bodies), &vertices, &triangles, settings)?;
+            Ok((bodies, fitting))
+        })?;
+        // Another thread's are the same.
+        self.bodies.get_or_init(|| bodies);
+        Ok(Fitting {
+            fitting: Arc::new(fitting),
+        })
     }
 
     /// Source triangle of each target vertex, small parts on their counterparts.
@@ -243,11 +303,11 @@ impl SurfaceMap {
             .cuts
             .iter()
             .map(|c| [c.face, c.ends[0], c.ends[1]].map(i64::from));
-        let coverage: Vec<f64> = points.clone().map(|p| p.share).collect();
+        let shares: Vec<f64> = points.clone().map(|p| p.share).collect();
         let moved = found.moved.iter();
         let dict = PyDict::new(py);
         dict.set_item("edges", table(py, edges.collect())?)?;
-        dict.set_item("coverage", coverage.into_pyarray(py))?;
+        dict.set_item("shares", shares.into_pyarray(py))?;
         dict.set_item(
             "positions",
             table(py, points.clone().map(|p| p.position).collect())?,
@@ -612,6 +672,7 @@ pub fn uv_islands<'py>(
 /// Adds what is here to the module.
 pub fn register(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<SurfaceMap>()?;
+    module.add_class::<Fitting>()?;
     module.add_function(wrap_pyfunction!(judge_layout, module)?)?;
     module.add_function(wrap_pyfunction!(uv_islands, module)?)?;
     Ok(())

@@ -1,5 +1,8 @@
 //! Nearest points in space.
 
+use std::borrow::Cow;
+use std::cmp::Ordering;
+use std::collections::BinaryHeap;
 use std::ops::Range;
 
 use rayon::prelude::*;
@@ -12,19 +15,20 @@ const LEAF: usize = 8;
 /// A balanced tree over points, split at the median of the widest axis.
 #[derive(Debug)]
 pub struct SpaceTree<'a> {
-    points: &'a [Point],
+    points: Cow<'a, [Point]>,
     order: Vec<u32>,
     /// The axis along which the point at the same place in `order` divides its part.
     axes: Vec<u8>,
 }
 
 impl<'a> SpaceTree<'a> {
-    /// Sorts the points into a tree; O(n log n).
+    /// Sorts the points, lent or given, into a tree; O(n log n).
     #[must_use]
-    pub fn new(points: &'a [Point]) -> Self {
+    pub fn new(points: impl Into<Cow<'a, [Point]>>) -> Self {
+        let points = points.into();
         let mut order: Vec<u32> = (0..points.len() as u32).collect();
         let mut axes = vec![0; points.len()];
-        split(points, &mut order, &mut axes);
+        split(&points, &mut order, &mut axes);
         Self {
             points,
             order,
@@ -47,6 +51,49 @@ impl<'a> SpaceTree<'a> {
             .par_iter()
             .map(|&p| self.nearest(p).unwrap_or_default())
             .collect()
+    }
+
+    /// The nearest points, at most `count` of them: squared distance and number, the nearest first, the lowest number
+    /// winning a tie.
+    #[must_use]
+    pub fn nearest_few(&self, query: Point, count: usize) -> Vec<(f64, u32)> {
+        let mut few = BinaryHeap::with_capacity(count + 1);
+        self.visit_few(0..self.order.len(), query, count, &mut few);
+        few.into_sorted_vec()
+            .into_iter()
+            .map(|Far(squared, id)| (squared, id))
+            .collect()
+    }
+
+    fn visit_few(&self, part: Range<usize>, query: Point, count: usize, few: &mut BinaryHeap<Far>) {
+        let mut offer = |id: u32| {
+            let d = vector::sub(self.points[id as usize], query);
+            let found = Far(vector::dot(d, d), id);
+            if few.len() < count {
+                few.push(found);
+            } else if few.peek().is_some_and(|farthest| found < *farthest) {
+                few.pop();
+                few.push(found);
+            }
+        };
+        if part.len() <= LEAF {
+            self.order[part].iter().copied().for_each(offer);
+            return;
+        }
+        let middle = part.start + part.len() / 2;
+        let (dividing, axis) = (self.order[middle], usize::from(self.axes[middle]));
+        offer(dividing);
+        let offset = query[axis] - self.points[dividing as usize][axis];
+        let (low, high) = (part.start..middle, middle + 1..part.end);
+        let (near, far) = if offset < 0.0 {
+            (low, high)
+        } else {
+            (high, low)
+        };
+        self.visit_few(near, query, count, few);
+        if few.len() < count || few.peek().is_some_and(|f| offset * offset <= f.0) {
+            self.visit_few(far, query, count, few);
+        }
     }
 
     fn visit(&self, part: Range<usize>, query: Point, best: &mut Option<(f64, u32)>) {
@@ -75,6 +122,24 @@ impl<'a> SpaceTree<'a> {
         if best.is_none_or(|(d, _)| offset * offset <= d) {
             self.visit(far, query, best);
         }
+    }
+}
+
+/// A squared distance and a number, in that order.
+#[derive(PartialEq)]
+struct Far(f64, u32);
+
+impl Eq for Far {}
+
+impl Ord for Far {
+    fn cmp(&self, other: &Self) -> Ordering {
+        self.0.total_cmp(&other.0).then(self.1.cmp(&other.1))
+    }
+}
+
+impl PartialOrd for Far {
+    fn partial_cmp(&self, other: &Self) -> Option<Ordering> {
+        Some(self.cmp(other))
     }
 }
 
@@ -125,7 +190,13 @@ mod tests {
             let least = points.iter().map(distance).fold(f64::INFINITY, f64::min);
             let found = tree.nearest(query).unwrap();
             assert_eq!(distance(&points[found as usize]), least);
+            let mut all: Vec<(f64, u32)> =
+                (0..).zip(&points).map(|(i, p)| (distance(p), i)).collect();
+            all.sort_by(|a, b| a.0.total_cmp(&b.0));
+            let few: Vec<u32> = tree.nearest_few(query, 20).iter().map(|f| f.1).collect();
+            assert_eq!(few, all[..20].iter().map(|a| a.1).collect::<Vec<u32>>());
         }
+        assert_eq!(tree.nearest_few(place(0.2), 600).len(), 500);
         assert!((0..500).all(|i| tree.nearest(points[i]) == Some(i as u32)));
     }
 }

@@ -13,6 +13,7 @@ pub mod joints;
 pub mod labels;
 pub mod layout;
 pub mod normal_maps;
+pub mod outfit;
 pub mod parts;
 pub mod seam_cuts;
 pub mod skin_weights;

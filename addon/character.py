@@ -1,0 +1,340 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What belongs together: from any object the character that it is a piece of.
+
+A character is an armature with all its meshes, the meshes below an empty, those of a collection, or one mesh.
+"""
+
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+from mathutils import Vector
+
+# On objects that are made for a target: the target, which a duplicate of it is not.
+MADE_FOR = "spectral_match_made_for"
+# What hangs on a bone without skin is held in a hand if larger than this share of the character: an eye is
+# not.
+HELD_SHARE = 0.1
+# What a collection of a scene's set has, and that of a character has not.
+SET_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
+# Whether an object takes part in its character's matches.
+AUTOMATIC, TAKEN, LEFT_OUT = "AUTOMATIC", "TAKEN", "LEFT_OUT"
+
+
+@dataclass(frozen=True)
+class Character:
+    """Mesh objects that are matched as one figure.
+
+    `owner` is the armature, empty, collection or mesh that holds them together. `pieces` take part, the
+    largest one, the lead, first; `left_out` are its other meshes.
+    """
+
+    owner: bpy.types.ID
+    pieces: tuple
+    left_out: tuple = ()
+
+    @property
+    def lead(self):
+        """The piece in whose space a figure of several pieces is."""
+        return self.pieces[0]
+
+    @property
+    def whole(self):
+        """All meshes, those that take part first."""
+        return self.pieces + self.left_out
+
+    @property
+    def name(self):
+        return self.lead.name if len(self.whole) == 1 else self.owner.name
+
+    @property
+    def label(self):
+        """The name and, where there are several, how many meshes take part."""
+        if len(self.whole) == 1:
+            return self.name
+        of = f"{len(self.pieces)} of " if self.left_out else ""
+        return f"{self.name} ({of}{len(self.whole)} meshes)"
+
+
+def holds(body, obj):
+    """Whether an object is a piece of a character, or is the object that is given instead of one."""
+    return obj in body.whole if isinstance(body, Character) else obj == body
+
+
+def pieces_of(body):
+    """The pieces of a character, or the object that is given instead of one; nothing for None."""
+    if body is None:
+        return ()
+    return body.pieces if isinstance(body, Character) else (body,)
+
+
+def alone(obj):
+    """A mesh object by itself."""
+    return Character(obj, (obj,))
+
+
+def of(obj):
+    """The character that an object is a piece, the armature or the empty of; None where there is no mesh."""
+    return of_owner(owner(obj))
+
+
+def of_owner(node):
+    """The character that an armature, empty, collection or mesh holds together; None without any mesh."""
+    if isinstance(node, bpy.types.Object) and node.type == "MESH":
+        return alone(node)
+    meshes = [obj for obj in _members(node) if _is_surface(obj)]
+    shapes = _shapes(meshes)
+    meshes = [obj for obj in meshes if obj not in shapes]
+    return _arranged(node, meshes) if meshes else None
+
+
+def groups(objects):
+    """The characters that these objects belong to, each once, in their order; None for one without a mesh.
+
+    Where all belong to one they are told apart as far below as they can be: two bodies of one rig are two
+    meshes.
+    """
+    owners = list(dict.fromkeys(owner(obj) for obj in objects))
+    if len(owners) == 1 and len(objects) > 1:
+        owners = list(dict.fromkeys(_apart(objects)))
+    return [of_owner(node) for node in owners]
+
+
+def _arranged(node, meshes):
+    """The character of these meshes: which take part, and which one leads."""
+    if len(meshes) == 1:
+        return alone(meshes[0]) if isinstance(node, bpy.types.Object) else Character(node, tuple(meshes))
+    in_hand = _held(meshes)
+    taken = [obj for obj in meshes if _takes_part(obj, in_hand)]
+    if not taken:
+        taken = [obj for obj in meshes if obj.spectral_match_part != LEFT_OUT] or meshes
+    taken.sort(key=lambda obj: (-(skin_of(obj) is not None), -len(obj.data.vertices), obj.name))
+    return Character(node, tuple(taken), tuple(obj for obj in meshes if obj not in taken))
+
+
+def _takes_part(obj, in_hand):
+    if obj.spectral_match_part != AUTOMATIC:
+        return obj.spectral_match_part == TAKEN
+    return _shown(obj) and obj not in in_hand
+
+
+def _shown(obj):
+    """Whether the object is not hidden in the scenes that have it."""
+    if obj.hide_viewport:
+        return False
+    layer = bpy.context.view_layer
+    return obj.name not in layer.objects or not obj.hide_get(view_layer=layer)
+
+
+def _held(meshes):
+    """Those of the meshes that a hand holds: on a bone that moves no skin, though others do, and large."""
+    skinned, found = {}, set()
+    for obj in meshes:
+        rig = skin_of(obj)
+        if rig is not None:
+            skinned.setdefault(rig, []).append(obj)
+    sizes = {rig: _size(on_rig) for rig, on_rig in skinned.items()}
+    for obj in meshes:
+        rig, bone = held_by_bone(obj)
+        if rig in skinned and obj.dimensions.length > HELD_SHARE * sizes[rig]:
+            if not any(_moves(other, bone) for other in skinned[rig]):
+                found.add(obj)
+    return found
+
+
+def _size(objects):
+    """Diagonal of the box around objects in the world."""
+    corners = [obj.matrix_world @ Vector(corner) for obj in objects for corner in obj.bound_box]
+    low, high = (Vector(map(pick, zip(*corners, strict=True))) for pick in (min, max))
+    return (high - low).length
+
+
+# Names of the groups in which a mesh has weights, by its session id: read anew when the mesh changed.
+_groups_used: dict[int, frozenset] = {}
+
+
+def _moves(obj, bone):
+    """Whether a bone moves vertices of an object."""
+    uid = obj.data.session_uid
+    if uid not in _groups_used:
+        used = {entry.group for v in obj.data.vertices for entry in v.groups if entry.weight > 0.0}
+        _groups_used[uid] = frozenset(group.name for group in obj.vertex_groups if group.index in used)
+    return bone in _groups_used[uid]
+
+
+# Who holds whom.
+
+
+def skin_of(obj):
+    """The armature that deforms an object, or None."""
+    return next((m.object for m in obj.modifiers if m.type == "ARMATURE" and m.object is not None), None)
+
+
+def held_by_bone(obj):
+    """The armature and the name of the bone that an object hangs on, by its parents; else None and ""."""
+    while obj.parent is not None:
+        if obj.parent_type == "BONE" and obj.parent.type == "ARMATURE":
+            return obj.parent, obj.parent_bone
+        obj = obj.parent
+    return None, ""
+
+
+def at_rest(obj):
+    """The object's matrix in the world with the bone on which it hangs at rest."""
+    rig, name = held_by_bone(obj)
+    bone = rig.pose.bones.get(name) if rig is not None else None
+    if bone is None:
+        return obj.matrix_world.copy()
+    # How the pose moves what hangs on the bone.
+    moved = bone.matrix @ bone.bone.matrix_local.inverted_safe()
+    return rig.matrix_world @ moved.inverted_safe() @ rig.matrix_world.inverted_safe() @ obj.matrix_world
+
+
+def placed(pieces, *, posed=False):
+    """Matrices (4, 4) from each piece's space to that of the first one, with bones at rest or as they are."""
+    matrices = [obj.matrix_world if posed else at_rest(obj) for obj in pieces]
+    first = matrices[0].inverted_safe()
+    return [np.eye(4)] + [np.array(first @ matrix, np.float64) for matrix in matrices[1:]]
+
+
+def _holders(obj):
+    """What holds an object, from the nearest on: its armature or parent, what holds that, and so on."""
+    passed = [obj]
+    while True:
+        holder = (skin_of(obj) if obj.type == "MESH" else None) or obj.parent
+        if holder is None or holder in passed:
+            return passed[1:]
+        passed.append(holder)
+        obj = holder
+
+
+def holders(objects):
+    """The armatures and empties that hold these objects, each once."""
+    held = dict.fromkeys(holder for obj in objects for holder in _holders(obj))
+    return [holder for holder in held if holder.type in {"ARMATURE", "EMPTY"}]
+
+
+def owner(obj):
+    """The armature, empty, collection or object itself that holds together what the object is a piece of."""
+    return _owner(obj, _rigs_below())
+
+
+def _owner(obj, rigs_below):
+    held = [obj, *_holders(obj)]
+    armatures = [holder for holder in held if holder.type == "ARMATURE"]
+    empties = [holder for holder in held if holder.type == "EMPTY"]
+    if armatures:
+        return armatures[-1]
+    if empties and len(rigs_below.get(empties[-1], ())) == 1:
+        # Beside the skinned meshes those that hang on nothing but the root of both.
+        return rigs_below[empties[-1]][0]
+    empties = [holder for holder in empties if holder not in rigs_below]
+    if empties:
+        return empties[-1]
+    collections = _collections(held[-1]) if obj.type == "MESH" else []
+    return collections[-1] if collections else obj
+
+
+def _rigs_below():
+    """The outermost armatures below each empty."""
+    below = {}
+    for obj in bpy.data.objects:
+        if obj.type == "ARMATURE" and is_there(obj):
+            held = _holders(obj)
+            if not any(holder.type == "ARMATURE" for holder in held):
+                for holder in held:
+                    below.setdefault(holder, []).append(obj)
+    return below
+
+
+def _collections(obj):
+    """The collections of the object that hold loose meshes alone, the outermost last."""
+    for collection in obj.users_collection:
+        found = []
+        while collection is not None and _is_loose(collection):
+            found.append(collection)
+            collection = _above(collection)
+        if found:
+            return found
+    return []
+
+
+def _above(collection):
+    return next((other for other in bpy.data.collections if collection.name in other.children), None)
+
+
+def _is_loose(collection):
+    """Whether a collection is a character by itself: no scene's own, no set, and all in it is loose."""
+    if collection.is_embedded_data:
+        return False
+    objects = collection.all_objects
+    if any(obj.type in SET_TYPES | {"ARMATURE", "EMPTY"} for obj in objects):
+        return False
+    return not any(holder.type in {"ARMATURE", "EMPTY"} for obj in objects for holder in _holders(obj))
+
+
+def _members(node):
+    """The mesh objects that a node holds together."""
+    if isinstance(node, bpy.types.Collection):
+        return [obj for obj in node.all_objects if obj.type == "MESH"]
+    rigs_below, scenes, scene = _rigs_below(), node.users_scene, bpy.context.scene
+    if scenes and scene not in scenes:
+        scene = scenes[0]
+    return [
+        obj
+        for obj in scene.objects
+        if obj.type == "MESH" and (node in _holders(obj) or _owner(obj, rigs_below) == node)
+    ]
+
+
+def _is_surface(obj):
+    return bool(obj.data.polygons) and MADE_FOR not in obj
+
+
+def _shapes(meshes):
+    """Objects that bones are shown as."""
+    rigs = {holder for obj in meshes for holder in _holders(obj) if holder.type == "ARMATURE"}
+    return {bone.custom_shape for rig in rigs for bone in (rig.pose.bones if rig.pose else ())} - {None}
+
+
+def _apart(objects):
+    """What holds each object as far up as not all of them are below it."""
+    chains = []
+    for obj in objects:
+        held = [obj, *_holders(obj)]
+        chains.append(held + (_collections(held[-1]) if obj.type == "MESH" else []))
+    common = set(chains[0]).intersection(*chains[1:])
+    # A rig is not taken apart, but its meshes are.
+    split = any(node.bl_rna.identifier == "Object" and node.type == "ARMATURE" for node in common)
+    for chain in chains:
+        below = [node for node in chain if node not in common]
+        yield chain[0] if split or not below else below[-1]
+
+
+def is_there(obj):
+    """False for None and for an object that was deleted and is only kept by a reference to it."""
+    return obj is not None and bool(obj.users_scene)
+
+
+@persistent
+def _forget_changed(_scene, depsgraph):
+    for update in depsgraph.updates:
+        if update.is_updated_geometry:
+            changed = update.id.original
+            mesh = changed.data if isinstance(changed, bpy.types.Object) else changed
+            if isinstance(mesh, bpy.types.Mesh):
+                _groups_used.pop(mesh.session_uid, None)
+
+
+@persistent
+def forget(_scene=None, _unused=None):
+    _groups_used.clear()
+
+
+HANDLERS = (
+    ("depsgraph_update_post", _forget_changed),
+    ("undo_post", forget),
+    ("redo_post", forget),
+    ("load_pre", forget),
+)

@@ -1,0 +1,232 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A source of several meshes as one object: joined copies, which last as long as a transfer."""
+
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+from .. import character, mesh_read, mesh_write
+from ..mesh_read import UnusableObjectError
+from . import whole
+from .armatures import MODIFIER_SETTINGS
+from .copies import stand_in
+
+# Marks the vertices of each piece while they are joined.
+PIECE = "spectral_match_joined"
+
+
+@dataclass(frozen=True)
+class View:
+    """What transfers see of a source: one object, and its triangles as the stored match counts them.
+
+    `body` is the object whose mesh is its surface with all that it carries: the object itself, or where a
+    Mirror modifier completes a source that is one mesh, the whole that was matched. `pieces` are the objects
+    of which it is made, or itself, and `bodies` their surfaces.
+    `triangle_corners` (m, 3) and `triangle_faces` (m,) are those of all bodies, wound the same way; those of
+    a piece begin at its entry of `starts` and are wound the other way than its own where `turned_over`.
+    """
+
+    object: bpy.types.Object
+    body: bpy.types.Object
+    pieces: tuple
+    bodies: tuple
+    triangle_corners: np.ndarray
+    triangle_faces: np.ndarray
+    starts: np.ndarray
+    turned_over: np.ndarray
+
+    def places(self, piece, faces, barycentric, image):
+        """Places on pieces, in modelled triangles and images in mirrors → places in these triangles."""
+        faces, barycentric = self._on_bodies(
+            piece, lambda body, here: body.triangles_of(faces[here], barycentric[here], image[here])
+        )
+        turned = self.turned_over[piece]
+        return self.starts[piece] + faces, np.where(turned[:, None], barycentric[:, ::-1], barycentric)
+
+    def in_pieces(self, faces, barycentric):
+        """Places in these triangles → the piece, its modelled triangle, the weights there, and the image."""
+        piece = np.searchsorted(self.starts, faces, side="right") - 1
+        turned = self.turned_over[piece]
+        own = faces - self.starts[piece]
+        weights = np.where(turned[:, None], barycentric[:, ::-1], barycentric)
+        return piece, *self._on_bodies(piece, lambda body, here: body.as_stored(own[here], weights[here]))
+
+    def _on_bodies(self, piece, values):
+        """What `values` tells of each body and of the places on it, in the order of the places."""
+        on = [np.flatnonzero(piece == number) for number in range(len(self.bodies))]
+        told = [values(body, here) for body, here in zip(self.bodies, on, strict=True)]
+        back = np.argsort(np.concatenate(on))
+        return tuple(np.concatenate(parts)[back] for parts in zip(*told, strict=True))
+
+    def shown(self, points):
+        """Places of the body's vertices where those of the object are at `points`, (n, 3)."""
+        return points if self.body == self.object else self.bodies[0].shown(points)
+
+
+def view_of(obj, body):
+    """What transfers see of a source that is one mesh, with this body."""
+    return View(
+        obj, body.obj, (obj,), (body,), body.corners, body.faces, np.zeros(1, np.int64), np.zeros(1, bool)
+    )
+
+
+@contextmanager
+def seen(sources, name, targets=()):
+    """The view of a source with these meshes, the lead first, which have this name together.
+
+    A piece that a Mirror modifier completes is whole where one of the targets was matched with its other
+    half.
+    """
+    with ExitStack() as held:
+        bodies = [
+            held.enter_context(whole.body_of(obj, images))
+            for obj, images in zip(sources, _images(len(sources), targets), strict=True)
+        ]
+        if len(sources) == 1:
+            yield view_of(sources[0], bodies[0])
+            return
+        yield held.enter_context(_seen_joined(sources, bodies, name))
+
+
+def _images(count, targets):
+    """Of each piece the last image in its mirrors that one of the targets was matched with."""
+    last = np.zeros(count, int)
+    for target in targets:
+        piece, _, _, image = mesh_write.read_places(target.data)
+        np.maximum.at(last, piece, image)
+    return last.tolist()
+
+
+@contextmanager
+def _seen_joined(sources, bodies, name):
+    matrices = character.placed(sources)
+    uv_map = _shown_uv_map(sources)
+    meshes, objects = [], []
+    try:
+        for number, (obj, body, matrix) in enumerate(zip(sources, bodies, matrices, strict=True)):
+            if body.is_whole:
+                whole.give_keys(body, obj)
+            meshes.append(body.obj.data.copy())
+            _prepare(obj, meshes[-1], matrix, number, uv_map)
+            objects.append(bpy.data.objects.new(obj.name, meshes[-1]))
+            bpy.context.scene.collection.objects.link(objects[-1])
+            _follow_bone(obj, objects[-1])
+        view = _joined(sources, bodies, objects, matrices)
+        view.object.name = f"{name} ({len(sources)} meshes)"
+        with stand_in(view.object, sources, name):
+            yield view
+    finally:
+        # Joining removes objects, but not their meshes.
+        users = bpy.data.user_map(subset=set(meshes), value_types={"OBJECT"})
+        bpy.data.batch_remove({*meshes, *(obj for mesh in meshes for obj in users.get(mesh, ()))})
+        bpy.context.view_layer.update()
+
+
+def _shown_uv_map(sources):
+    """The name of the UV map by which the lead's textures are laid on where their nodes name none."""
+    for obj in sources:
+        for layer in obj.data.uv_layers:
+            if layer.active_render:
+                return layer.name
+    return ""
+
+
+def _prepare(obj, mesh, matrix, number, uv_map):
+    """Make a copy of a piece's mesh ready to be joined: in the lead's space, with a UV map of that name."""
+    for place, slot in enumerate(obj.material_slots):
+        # A slot may be linked to the object instead of to its mesh.
+        mesh.materials[place] = slot.material
+    if number:
+        mesh.transform(Matrix(matrix.tolist()), shape_keys=True)
+        if np.linalg.det(matrix[:3, :3]) < 0.0:
+            mesh.flip_normals()
+    shown = next((layer for layer in mesh.uv_layers if layer.active_render), None)
+    if shown is not None and uv_map not in mesh.uv_layers:
+        values = np.empty(2 * len(mesh.loops), np.float32)
+        shown.uv.foreach_get("vector", values)
+        made = mesh.uv_layers.new(name=uv_map, do_init=False)
+        if made is not None:
+            made.uv.foreach_set("vector", values)
+    if mesh.shape_keys is not None:
+        # Drivers and actions are read from the pieces.
+        mesh.shape_keys.animation_data_clear()
+    mesh.attributes.new(PIECE, "INT", "FACE").data.foreach_set(
+        "value", np.full(len(mesh.polygons), number, np.int32)
+    )
+
+
+def _follow_bone(obj, copy):
+    """Give the copy of a piece that hangs on a bone, without skin, the weights with which it follows it."""
+    rig, bone = character.held_by_bone(obj)
+    if rig is not None and character.skin_of(obj) is None and bone not in copy.vertex_groups:
+        copy.vertex_groups.new(name=bone).add(range(len(copy.data.vertices)), 1.0, "REPLACE")
+
+
+def _joined(sources, bodies, copies, matrices):
+    """Join the copies into the first of them, and find the triangles of each piece again."""
+    lead, first = copies[0], sources[0]
+    bpy.context.view_layer.update()
+    with bpy.context.temp_override(
+        object=lead, active_object=lead, selected_objects=copies, selected_editable_objects=copies
+    ):
+        bpy.ops.object.join()
+    order = np.empty(len(lead.data.polygons), np.int32)
+    lead.data.attributes[PIECE].data.foreach_get("value", order)
+    lead.data.attributes.remove(lead.data.attributes[PIECE])
+    corners, faces, starts = [], [], []
+    turned_over = np.array([np.linalg.det(matrix[:3, :3]) < 0.0 for matrix in matrices])
+    count = 0
+    face_starts = mesh_read.face_starts(lead.data)
+    for number, (obj, body) in enumerate(zip(sources, bodies, strict=True)):
+        own_corners, own_faces, mesh = body.corners, body.faces, body.obj.data
+        place = np.flatnonzero(order == number)
+        size = len(mesh.polygons)
+        if len(place) != size or (size and place[-1] - place[0] != size - 1):
+            raise UnusableObjectError(
+                f"The meshes of the source could not be joined at '{obj.name}'. Join a copy of them by hand "
+                "and match with that"
+            )
+        if turned_over[number]:
+            own_corners = _turned(own_corners, own_faces, mesh_read.face_starts(mesh))[:, ::-1]
+        corners.append(own_corners + face_starts[place[0]])
+        faces.append(own_faces + place[0])
+        starts.append(count)
+        count += len(own_faces)
+    lead.matrix_world = first.matrix_world
+    for rig_modifier in _rig_modifiers(sources):
+        made = lead.modifiers.new(rig_modifier.name, "ARMATURE")
+        made.object, made.show_viewport = rig_modifier.object, rig_modifier.show_viewport
+        for setting in MODIFIER_SETTINGS:
+            setattr(made, setting, getattr(rig_modifier, setting))
+    bpy.context.view_layer.update()
+    return View(
+        lead,
+        lead,
+        tuple(sources),
+        tuple(bodies),
+        np.concatenate(corners),
+        np.concatenate(faces),
+        np.array(starts, np.int64),
+        turned_over,
+    )
+
+
+def _turned(corners, faces, starts):
+    """Where the corners of triangles are once their faces are turned over around their first corners."""
+    first, size = starts[faces][:, None], np.diff(starts)[faces][:, None]
+    return first + (size - (corners - first)) % size
+
+
+def _rig_modifiers(sources):
+    """One Armature modifier for each rig of the pieces, one that is on if any is."""
+    found = {}
+    for obj in sources:
+        for modifier in obj.modifiers:
+            if modifier.type == "ARMATURE" and modifier.object is not None:
+                held = found.setdefault(modifier.object, modifier)
+                if modifier.show_viewport and not held.show_viewport:
+                    found[modifier.object] = modifier
+    return found.values()

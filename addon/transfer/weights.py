@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Weights of a mesh as arrays, and the bones by which they move it."""
+
+from contextlib import contextmanager
+
+import bmesh
+import numpy as np
+
+from .copies import meant_by
+
+
+def read_weights(obj):
+    """All weights of an object's mesh as arrays (vertex, group, weight), sorted by vertex."""
+    counts, group, weight = [], [], []
+    for vertex in obj.data.vertices:
+        entries = vertex.groups
+        counts.append(len(entries))
+        for entry in entries:
+            group.append(entry.group)
+            weight.append(entry.weight)
+    vertex = np.repeat(np.arange(len(counts)), counts)
+    return vertex, np.array(group, np.int64), np.array(weight, np.float64)
+
+
+@contextmanager
+def _kept_shapes(mesh):
+    """Coordinates of mesh and shape keys stay: where they disagree, `BMesh.to_mesh` would move the keys."""
+    blocks = [] if mesh.shape_keys is None else list(mesh.shape_keys.key_blocks)
+    places = [mesh.vertices, *(block.data for block in blocks)]
+    kept = [_coordinates(place) for place in places[:2]]
+    if len(kept) < 2 or np.array_equal(*kept):
+        yield
+        return
+    kept += [_coordinates(place) for place in places[2:]]
+    yield
+    for place, values in zip([mesh.vertices, *(block.data for block in blocks)], kept, strict=True):
+        place.foreach_set("co", values)
+
+
+def _coordinates(place):
+    values = np.empty(len(place) * 3, np.float32)
+    place.foreach_get("co", values)
+    return values
+
+
+def write_weights(target, wanted, weights, masked=None):
+    """Replace these groups of the target at the masked vertices; its other groups stay."""
+    slots = []
+    for name in wanted:
+        group = target.vertex_groups.get(name) or target.vertex_groups.new(name=name)
+        slots.append(group.index)
+    vertex, group, weight = weights
+    entries = np.array(slots, np.int64)[group].tolist()
+    with _kept_shapes(target.data):
+        edited = bmesh.new()
+        try:
+            edited.from_mesh(target.data)
+            deform = edited.verts.layers.deform.verify()
+            rows = [vert[deform] for vert in edited.verts]
+            chosen = range(len(rows)) if masked is None else np.flatnonzero(masked).tolist()
+            ours = set(slots)
+            for place in chosen:
+                row = rows[place]
+                for slot in ours.intersection(row.keys()):
+                    del row[slot]
+            for place, slot, value in zip(vertex.tolist(), entries, weight.tolist(), strict=True):
+                rows[place][slot] = value
+            edited.to_mesh(target.data)
+        finally:
+            edited.free()
+
+
+def copy_group(target, name, copy):
+    """A second vertex group with the weights of one."""
+    vertex, group, weight = read_weights(target)
+    held = group == target.vertex_groups[name].index
+    write_weights(target, [copy], (vertex[held], np.zeros(held.sum(), int), weight[held]))
+
+
+def deforming_bones(obj):
+    """Whether each bone of the object's armatures deforms, by its name."""
+    return {bone.name: bone.use_deform for rig in rigs(obj) for bone in rig.data.bones}
+
+
+def armature_modifiers(obj):
+    return [m for m in obj.modifiers if m.type == "ARMATURE" and m.object is not None]
+
+
+def rigs(obj):
+    """The armature objects that deform an object, each once: those of modifiers that are on, if any is."""
+    modifiers = [modifier for each in meant_by(obj) for modifier in armature_modifiers(each)]
+    shown = [modifier for modifier in modifiers if modifier.show_viewport]
+    return list(dict.fromkeys(modifier.object for modifier in shown or modifiers))
