@@ -381,10 +381,10 @@ def _remove(brought):
 
 
 def _targets(context, pattern, sources, hanging):
-    """Characters that the pattern means, each with its place: meshes by themselves, else armatures, empties
-    and collections.
+    """Characters that the pattern means, each with its place: meshes, else armatures, empties, collections.
 
-    `sources` are left out. Wildcards mean neither what the source brings along (`hanging`) nor what was made
+    Meshes of one rig or empty that wildcards mean are one figure, else a mesh is meant by itself. `sources`
+    are left out. Wildcards mean neither what the source brings along (`hanging`) nor what was made
     for a target from that.
     """
     left_out = [*sources, *character.holders(sources)]
@@ -398,20 +398,39 @@ def _targets(context, pattern, sources, hanging):
                 candidates.setdefault(each, (way, place))
     for matches in (str.__eq__, fnmatchcase):
         for wanted in range(3):
-            found = {}
-            for each, (way, place) in candidates.items():
-                is_made = matches is fnmatchcase and (MADE_FROM in each or each in hanging)
-                if way != wanted or is_made or not matches(each.name, pattern):
-                    continue
-                body = _character(each)
-                if body is not None:
-                    found.setdefault(body.owner, (body, place))
+            named = [
+                each for each, (way, _) in candidates.items() if way == wanted and matches(each.name, pattern)
+            ]
+            if matches is fnmatchcase:
+                named = [each for each in named if MADE_FROM not in each and each not in hanging]
+            meshes = matches is fnmatchcase and wanted == 0
+            found = _together(named) if meshes else list(filter(None, map(_character, named)))
             if found:
-                return list(found.values())
+                bodies = {body.owner: body for body in found}.values()
+                return [(body, candidates[body.pieces[0]][1]) for body in bodies]
     raise UnusableObjectError(
         f"There is no mesh, nor an armature or collection with meshes, named '{pattern}' in any scene of "
         "this file"
     )
+
+
+def _together(meshes):
+    """The characters of these meshes: of each rig or empty with those alone, and others by themselves."""
+    by_owner = {}
+    for obj in meshes:
+        owner = character.owner(obj)
+        held = isinstance(owner, bpy.types.Object) and owner.type in HOLDERS
+        by_owner.setdefault(owner if held else obj, []).append(obj)
+    found = []
+    for owner, own in by_owner.items():
+        body = character.of_owner(owner)
+        pieces = tuple(piece for piece in body.pieces if piece in own) if len(own) > 1 else ()
+        if len(pieces) > 1:
+            left_out = tuple(piece for piece in body.whole if piece not in pieces)
+            found.append(dataclasses.replace(body, pieces=pieces, left_out=left_out))
+        else:
+            found += map(character.alone, own)
+    return found
 
 
 def _pair(context, job, request, source, target):

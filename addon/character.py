@@ -53,8 +53,9 @@ class Character:
         """The name and, where there are several, how many meshes take part."""
         if len(self.whole) == 1:
             return self.name
-        of = f"{len(self.pieces)} of " if self.left_out else ""
-        return f"{self.name} ({of}{len(self.whole)} meshes)"
+        if self.left_out:
+            return f"{self.name} ({len(self.pieces)} of {len(self.whole)})"
+        return f"{self.name} ({len(self.whole)} meshes)"
 
 
 def holds(body, obj):

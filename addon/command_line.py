@@ -94,10 +94,14 @@ def _parser():
     )
     parser.add_argument("step", choices=("match", "transfer", "batch"))
     objects = parser.add_argument_group("objects of the opened file")
-    objects.add_argument("--source", metavar="NAME", help="object that has the data")
+    objects.add_argument(
+        "--source",
+        metavar="NAME",
+        help="mesh that has the data, or armature, empty or collection: all meshes of it",
+    )
     objects.add_argument("--source-file", metavar="FILE.blend", help="where that object is, if not here")
     objects.add_argument(
-        "--target", metavar="NAME[,NAME…]", help="objects that receive it; * and ? stand for any letters"
+        "--target", metavar="NAME[,NAME…]", help="what receives it, likewise; * and ? stand for any letters"
     )
     objects.add_argument("--output", metavar="OUT.blend", help="where to save")
     files = parser.add_argument_group("many files")

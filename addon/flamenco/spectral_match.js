@@ -19,7 +19,7 @@ const JOB_TYPE = {
             type: "string",
             required: true,
             eval: "C.object.name if C.object else ''",
-            description: "Object whose data is carried over",
+            description: "Mesh whose data is carried over, or armature or collection: all meshes of it",
         },
         {
             key: "files",
@@ -33,7 +33,7 @@ const JOB_TYPE = {
             type: "string",
             required: true,
             default: "*",
-            description: "Objects in each file, with commas between them; * and ? stand for any letters",
+            description: "Meshes, armatures or collections in each file, with commas between them; * and ? stand for any letters",
         },
         {
             key: "kinds",

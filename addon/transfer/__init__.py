@@ -120,7 +120,7 @@ def carry_all(targets, name, options, chosen):
     sources = [obj for obj, _, _ in stored_match.sources_of(targets[0])]
     mesh_read.place(bpy.context, _standing(sources, targets))
     with joined.seen(sources, name, targets) as view, ExitStack() as splits:
-        routes, said = [], []
+        routes, said = [], list(view.notes)
         for target in targets:
             route = Route(target, view)
             route.wanted = _wanted(route, chosen)

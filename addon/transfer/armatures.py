@@ -190,7 +190,7 @@ def _own_rig(route, rig, named, replaced):
 
 
 def _hang_on(route, target, rig, own, replaced):
-    """Let the rig `own`, made from `rig`, deform a mesh of the target and be its parent, not others."""
+    """Let the rig `own`, made from `rig`, deform a mesh of the target, as its parent in place of others."""
     given = [rig, *_made_from(target, rig)]
     held = next((m for m in armature_modifiers(target) if m.object in given), None)
     if held is None:
@@ -298,11 +298,11 @@ def _editing(rig):
         obj.select_set(False)
     layer.objects.active = rig
     rig.select_set(True)
-    bpy.ops.object.mode_set(mode="EDIT")
+    _set_mode(rig, "EDIT")
     try:
         yield
     finally:
-        bpy.ops.object.mode_set(mode="OBJECT")
+        _set_mode(rig, "OBJECT")
         rig.select_set(False)
         rig.hide_set(hidden)
         if added:
@@ -312,7 +312,13 @@ def _editing(rig):
             obj.select_set(True)
         layer.objects.active = active
         if active is not None and active.mode != mode:
-            bpy.ops.object.mode_set(mode=mode)
+            _set_mode(active, mode)
+
+
+def _set_mode(obj, mode):
+    """Set the mode of an active object, in whichever scene: operators take that of the window's scene."""
+    with bpy.context.temp_override(active_object=obj, object=obj):
+        bpy.ops.object.mode_set(mode=mode)
 
 
 KIND = Kind(

@@ -2,14 +2,15 @@
 """A source of several meshes as one object: joined copies, which last as long as a transfer."""
 
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import bpy
 import numpy as np
 from mathutils import Matrix
 
-from .. import character, mesh_read, mesh_write
+from .. import character, mesh_read
 from ..mesh_read import UnusableObjectError
+from ..mesh_write import COLOUR, read_attribute, read_places, sort_of, write_attribute
 from . import whole
 from .armatures import MODIFIER_SETTINGS
 from .copies import stand_in
@@ -27,6 +28,7 @@ class View:
     of which it is made, or itself, and `bodies` their surfaces.
     `triangle_corners` (m, 3) and `triangle_faces` (m,) are those of all bodies, wound the same way; those of
     a piece begin at its entry of `starts` and are wound the other way than its own where `turned_over`.
+    `notes` are pairs of a piece and words on what of it is not seen.
     """
 
     object: bpy.types.Object
@@ -37,6 +39,7 @@ class View:
     triangle_faces: np.ndarray
     starts: np.ndarray
     turned_over: np.ndarray
+    notes: tuple = ()
 
     def places(self, piece, faces, barycentric, image):
         """Places on pieces, in modelled triangles and images in mirrors → places in these triangles."""
@@ -95,7 +98,7 @@ def _images(count, targets):
     """Of each piece the last image in its mirrors that one of the targets was matched with."""
     last = np.zeros(count, int)
     for target in targets:
-        piece, _, _, image = mesh_write.read_places(target.data)
+        piece, _, _, image = read_places(target.data)
         np.maximum.at(last, piece, image)
     return last.tolist()
 
@@ -103,7 +106,7 @@ def _images(count, targets):
 @contextmanager
 def _seen_joined(sources, bodies, name):
     matrices = character.placed(sources)
-    uv_map = _shown_uv_map(sources)
+    uv_map, layouts, notes = _shown_uv_map(sources), {}, []
     meshes, objects = [], []
     try:
         for number, (obj, body, matrix) in enumerate(zip(sources, bodies, matrices, strict=True)):
@@ -111,10 +114,11 @@ def _seen_joined(sources, bodies, name):
                 whole.give_keys(body, obj)
             meshes.append(body.obj.data.copy())
             _prepare(obj, meshes[-1], matrix, number, uv_map)
+            notes += [(obj, words) for words in _agree(meshes[-1], layouts)]
             objects.append(bpy.data.objects.new(obj.name, meshes[-1]))
             bpy.context.scene.collection.objects.link(objects[-1])
             _follow_bone(obj, objects[-1])
-        view = _joined(sources, bodies, objects, matrices)
+        view = replace(_joined(sources, bodies, objects, matrices), notes=tuple(notes))
         view.object.name = f"{name} ({len(sources)} meshes)"
         with stand_in(view.object, sources, name):
             yield view
@@ -158,6 +162,43 @@ def _prepare(obj, mesh, matrix, number, uv_map):
     )
 
 
+def _agree(mesh, layouts):
+    """Let the attributes of a mesh have the types and domains in `layouts`, where those of their names are
+    kept that come first. Colours are converted, others left out: returns words on these.
+    """
+    left_out = []
+    own = [(layer.name, layer.data_type, layer.domain) for layer in mesh.attributes]
+    for name, data_type, domain in own:
+        wanted = layouts.setdefault(name, (data_type, domain))
+        if wanted == (data_type, domain) or mesh.attributes[name].is_required:
+            continue
+        layer = mesh.attributes[name]
+        values = None
+        if sort_of(data_type, domain) == sort_of(*wanted) == COLOUR:
+            values = _on_domain(mesh, read_attribute(layer), domain, wanted[1])
+        mesh.attributes.remove(layer)
+        if values is None:
+            left_out.append(
+                f"Attribute '{name}' is of another type on other meshes of the source: it is left out"
+            )
+        else:
+            write_attribute(mesh, name, *wanted, values)
+    return left_out
+
+
+def _on_domain(mesh, values, domain, wanted):
+    """Values of points for their corners, means of corners for their points, or the values as they are."""
+    corner_points = mesh_read.corner_vertices(mesh)
+    if (domain, wanted) == ("POINT", "CORNER"):
+        return values[corner_points]
+    if (domain, wanted) == ("CORNER", "POINT"):
+        sums = np.zeros((len(mesh.vertices), values.shape[1]))
+        np.add.at(sums, corner_points, values)
+        count = np.bincount(corner_points, minlength=len(sums))
+        return sums / np.maximum(count, 1)[:, None]
+    return values
+
+
 def _follow_bone(obj, copy):
     """Give the copy of a piece that hangs on a bone, without skin, the weights with which it follows it."""
     rig, bone = character.held_by_bone(obj)
@@ -172,7 +213,10 @@ def _joined(sources, bodies, copies, matrices):
     with bpy.context.temp_override(
         object=lead, active_object=lead, selected_objects=copies, selected_editable_objects=copies
     ):
-        bpy.ops.object.join()
+        try:
+            bpy.ops.object.join()
+        except RuntimeError as reason:
+            raise UnusableObjectError(f"The meshes of the source could not be joined: {reason}") from reason
     order = np.empty(len(lead.data.polygons), np.int32)
     lead.data.attributes[PIECE].data.foreach_get("value", order)
     lead.data.attributes.remove(lead.data.attributes[PIECE])

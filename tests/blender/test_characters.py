@@ -199,7 +199,7 @@ def test_what_a_hand_holds_and_what_is_hidden_is_left_out(two):
     knight.shirt.hide_set(True)
     choose(mage.body, knight.body)
     (target,) = resolved().targets
-    assert names(target.left_out) == ["Knight Shirt", "Sword"] and target.label == "Knight (4 of 6 meshes)"
+    assert names(target.left_out) == ["Knight Shirt", "Sword"] and target.label == "Knight (4 of 6)"
     for piece in ("Sword", "Knight Shirt", "Hat"):
         bpy.ops.spectral_match.toggle_piece(piece=piece)
     assert names(resolved().targets[0].left_out) == ["Hat"]
@@ -214,7 +214,7 @@ def test_the_last_piece_cannot_be_left_out(two):
         bpy.ops.spectral_match.toggle_piece(piece=piece.name)
     with pytest.raises(RuntimeError, match="last mesh of 'Knight'"):
         bpy.ops.spectral_match.toggle_piece(piece=knight.body.name)
-    assert resolved().source.pieces == (knight.body,) and resolved().source.label == "Knight (1 of 3 meshes)"
+    assert resolved().source.pieces == (knight.body,) and resolved().source.label == "Knight (1 of 3)"
 
 
 def test_shapes_of_bones_and_copies_for_targets_are_no_pieces(two):
@@ -634,6 +634,27 @@ def test_uv_maps_of_other_names_are_laid_on_by_their_own_textures(two):
         np.testing.assert_allclose(read_uv(mesh, "UVMap"), expected, atol=1e-6)
 
 
+def test_colours_of_several_types_are_brought_together(known):
+    knight, mage = known
+    given = {knight.body: ("FLOAT_COLOR", "POINT"), knight.shirt: ("BYTE_COLOR", "CORNER")}
+    for piece, layout in given.items():
+        layer = piece.data.color_attributes.new("Paint", *layout)
+        layer.data.foreach_set("color", np.tile((1.0, 0.0, 0.0, 1.0), len(layer.data)))
+    knight.eye.data.attributes.new("Paint", "INT", "FACE")
+    bpy.context.view_layer.objects.active = knight.rig
+    bpy.ops.object.mode_set(mode="POSE")
+    assert bpy.ops.spectral_match.pin() == {"FINISHED"}
+    settings = bpy.context.scene.spectral_match
+    settings.source, settings.target = knight.rig, mage.rig
+    assert bpy.ops.spectral_match.transfer(kinds="colours,attributes") == {"FINISHED"}
+    assert knight.rig.mode == "POSE"
+    for piece in (mage.body, mage.shirt):
+        layer = piece.data.color_attributes["Paint"]
+        assert (layer.data_type, layer.domain) == given[knight.body]
+        np.testing.assert_allclose(read_attribute(layer), np.tile((1.0, 0.0, 0.0, 1.0), (len(layer.data), 1)))
+    assert "Paint" not in mage.eye.data.attributes and "'Paint' is of another type" in notice.words
+
+
 def test_textures_are_baked_from_the_piece_that_answers(known):
     knight, mage = known
     colours = ((1.0, 0.0, 0.0, 1.0), (0.0, 1.0, 0.0, 1.0), (0.0, 0.0, 1.0, 1.0))
@@ -690,6 +711,28 @@ def test_one_rig_is_fitted_for_all_meshes(scene):
         old = mage.old[own.name.rpartition(" ")[2]]
         # Joints of a coarse body are fitted to within a part of an edge (0.25).
         np.testing.assert_allclose(stand[1], turned(stand[0][old]), atol=0.05)
+
+
+def test_a_rig_of_its_own_is_replaced_on_all_meshes(known):
+    knight, mage = known
+    transfer(knight.body, mage.body, kinds="groups,armature")
+    for piece in (mage.body, mage.shirt):
+        old, fitted = [modifier for modifier in piece.modifiers if modifier.type == "ARMATURE"]
+        if old.object != mage.rig:
+            old, fitted = fitted, old
+        assert old.object == mage.rig and not old.show_viewport and not old.show_render
+        assert fitted.object not in (knight.rig, mage.rig) and fitted.show_viewport
+        assert piece.parent == fitted.object
+    assert mage.body.parent == mage.shirt.parent
+
+
+def test_a_rig_of_its_own_that_stays_gets_the_weights_on_all_meshes(known):
+    knight, mage = known
+    transfer(knight.body, mage.body, kinds="groups")
+    for piece in (mage.body, mage.shirt):
+        (modifier,) = piece.modifiers
+        assert modifier.object == mage.rig and modifier.show_viewport
+        np.testing.assert_allclose(weights_of(piece, "Low"), low_share(turned_back(piece)), atol=1e-5)
 
 
 def test_what_is_no_piece_is_a_companion_of_the_whole(known):
@@ -867,6 +910,19 @@ def test_the_command_line_takes_armatures_and_collections(files, source, target,
     assert {piece.name for piece in bpy.data.objects["Mage Body"].spectral_match_pieces} == (
         {"Knight Body", "Knight Shirt", "Knight Eye"} if "Mage" in reached else set()
     )
+
+
+@pytest.mark.parametrize(("pattern", "meant"), [("*", 3), ("M*[ty]", 2), ("Monk B*", 1)])
+def test_wildcards_mean_the_figures_of_the_meshes_that_they_name(files, pattern, meant):
+    """Every mesh of a mage, a monk and a pot; bodies and shirts of the two; the body of the monk alone."""
+    words = ["--source", "Knight", "--source-file", str(files / "knight.blend"), "--target", pattern]
+    report = files / "report.json"
+    words += ["--output", str(files / "out.blend"), "--json", str(report)]
+    assert command_line.run(["match", *words]) == 0
+    pairs = json.loads(report.read_text())["files"][0]["pairs"]
+    expected = {"*": ["Mage", "Monk", "Pot"], "M*[ty]": ["Mage", "Monk"], "Monk B*": ["Monk Body"]}[pattern]
+    assert sorted(pair["target"] for pair in pairs) == expected
+    assert max(len(pair.get("meshes", [0])) for pair in pairs) == meant
 
 
 def test_a_mesh_named_on_the_command_line_is_meant_alone(files):

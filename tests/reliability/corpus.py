@@ -6,7 +6,8 @@
 Three trials a file. `turned`: the mesh to itself, turned, scaled, moved and renumbered. `decimated`: to
 itself with about half of the vertices, by clusters of which one vertex stays, turned likewise. `other`: to
 the next file of the folders, which has no truth. The error is the mean distance of the images from the true
-points over √area, ×100, weighted by area; above 6 a map is wrong, as in `verdict.py`. Seconds are of the processor.
+points over √area, ×100, weighted by area; above 6 a map is wrong, as in `verdict.py`. Seconds are of the
+processor.
 Exit status 1 when a map is wrong and green, or a process goes beyond a limit or ends in anything but a map
 or a refusal.
 

@@ -18,6 +18,8 @@
 //! | [`figure`] | characters of many pieces, welded and matched by their envelopes where need be |
 //!
 //! ```
+//! use std::sync::Arc;
+//!
 //! use sgmds_core::{Options, Shape, match_shapes};
 //! use sgmds_core::watch::progress::Progress;
 //!
@@ -37,8 +39,8 @@
 //! }
 //! let progress = Progress::default();
 //! let unheard = |_, _| Ok(());
-//! let source = Shape::new(&vertices, &faces, &progress, &unheard)?;
-//! let target = Shape::new(&vertices, &faces, &progress, &unheard)?;
+//! let source = Arc::new(Shape::new(&vertices, &faces, &progress, &unheard)?);
+//! let target = Arc::new(Shape::new(&vertices, &faces, &progress, &unheard)?);
 //! let map = match_shapes(&source, &target, &Options::default(), &progress, &unheard)?;
 //! // Each vertex of the target has a triangle of the source and weights of its corners.
 //! assert_eq!(map.faces.len(), vertices.len());

@@ -3,7 +3,6 @@
 //! Counted from what the stages hold at their peaks; `docs/reliability.md` compares with measured
 //! peaks, which stay below.
 
-use crate::envelope::{self, Settings};
 use crate::shape::{
     EIGENPAIRS, MARCHED, REFINED, REFINED_BELOW, REFINED_TIMES, SIMPLIFIED, SIMPLIFIED_ABOVE,
 };
@@ -54,14 +53,11 @@ fn surface(vertices: u64, faces: u64) -> u64 {
     vertices.saturating_add(faces).saturating_mul(MESH_BYTES)
 }
 
-/// Peak while meshes of these vertices and faces are prepared together, with the envelope that one of many pieces gets; the
-/// input is not counted.
+/// Peak while meshes of these vertices and faces are prepared together; the input is not counted.
 #[must_use]
 pub fn to_prepare(sizes: &[(u64, u64)]) -> u64 {
     sizes.iter().fold(FIXED, |sum, &(vertices, faces)| {
-        // The envelope's grid is freed before the spectrum is sought.
-        let envelope = envelope::memory_bound(vertices, faces, &Settings::default());
-        sum.saturating_add(spectral(working(vertices)).max(envelope))
+        sum.saturating_add(spectral(working(vertices)))
             .saturating_add(surface(vertices, faces))
     })
 }

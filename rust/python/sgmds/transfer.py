@@ -101,9 +101,7 @@ class Fitting:
     def __init__(self, core: _core.Fitting) -> None:
         self._core = core
 
-    def place(
-        self, *, distance: float | None = None, tightness: float = 0.0, collide: bool = True
-    ) -> Floats:
+    def place(self, *, distance: float | None = None, tightness: float = 0.0, collide: bool = True) -> Floats:
         """The garment on the target, (n, 3); the options are those of `SurfaceMap.fit`."""
         return self._core.place(0.0 if distance is None else float(distance), float(tightness), bool(collide))
 
@@ -189,8 +187,8 @@ class SurfaceMap:
         return self._core.frames()
 
     def fitting(self, vertices: ArrayLike, faces: ArrayLike) -> Fitting:
-        """A garment, vertices (n, 3) and triangles (m, 3), that the source wears where it stands, bound to both
-        bodies: it is then placed on the target by other distances in a fraction of the time."""
+        """A garment, vertices (n, 3) and triangles (m, 3), that the source wears, bound to both bodies: it is
+        then placed on the target by other distances in a fraction of the time."""
         vertices, faces = mesh_of("garment", (vertices, faces))
         return Fitting(self._core.bind(vertices, faces))
 
@@ -205,9 +203,9 @@ class SurfaceMap:
     ) -> Floats:
         """A garment of the source, vertices (n, 3) and triangles (m, 3), as the target wears it, (n, 3).
 
-        It follows the target's build around each of its points, keeps its own shape as far as that allows, and
-        stays out of the body. `distance` is added to the gap to the skin, in the target's units; `tightness`
-        takes so much of the gap away, 1 all of it; with `collide` false cloth may enter the body.
+        It follows the target's build around each of its points, keeps its own shape as far as that allows,
+        and stays out of the body. `distance` is added to the gap to the skin, in the target's units;
+        `tightness` takes so much of the gap away, 1 all of it; with `collide` false cloth may enter the body.
         """
         return self.fitting(vertices, faces).place(distance=distance, tightness=tightness, collide=collide)
 

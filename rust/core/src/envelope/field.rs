@@ -76,6 +76,9 @@ pub struct Offsets {
     pub blend: f64,
 }
 
+/// Winding number at most beyond the box of all triangles: outside of any solid, and still beside a sheet.
+const MOST_BEYOND: f32 = 0.45;
+
 /// Samples in the bricks near the surface.
 #[derive(Debug)]
 pub(super) struct Band {
@@ -199,10 +202,11 @@ impl Band {
             let q = points.map(|x| x[n]);
             let nearest = tree.nearest_from(q, self.reach * self.reach, known);
             known = nearest.map_or(known, |n| n.triangle);
+            let winding = windings[n].abs();
             let winding = if tree.holds(q) {
-                windings[n].abs()
+                winding
             } else {
-                0.0
+                winding.min(MOST_BEYOND)
             };
             samples[n] = self.sample(tree, q, nearest, winding, bridges);
         }

@@ -30,6 +30,9 @@ const LAYER: [f64; 2] = [0.05, 0.08];
 const LAYER_ON_ONE_SIDE: f64 = 0.97;
 const EVEN: f64 = 1.5;
 
+/// The gap is at most this share of the target's own largest extent.
+const LARGEST_GAP: f64 = 0.5;
+
 /// What is worn leaves this share of the source's area uncovered, by more than [`COVERED`] of the largest extent: the garments
 /// leave 0.11, two bodies of one size at one place up to 0.08.
 const UNCOVERED: f64 = 0.1;
@@ -117,6 +120,10 @@ fn is_worn(source: &Surface, target: &Surface) -> bool {
     }
     gaps.sort_by(f64::total_cmp);
     let [median, most] = [0.5, 0.97].map(|q| gaps[(q * (gaps.len() - 1) as f64) as usize]);
+    // A small thing anywhere in a large one is no part of its clothes.
+    if median * size > LARGEST_GAP * extent(&target.vertices) {
+        return false;
+    }
     let outside = outside as f64 / gaps.len() as f64;
     let on_one_side = outside.max(1.0 - outside);
     let is_close = median <= CLOSE[0] && most <= CLOSE[1] && on_one_side >= ON_ONE_SIDE;

@@ -51,7 +51,7 @@ impl Completed<'_> {
                     (&asking.rows, &asking.images.vertex),
                     (&answering.rows, &answering.images.vertex),
                     &misfit,
-                    &pair.constraints.landmarks,
+                    (&pair.constraints.landmarks, !hypothesis.in_place),
                     progress,
                 )
             },

@@ -72,7 +72,7 @@ pub(super) fn embedded(
         (&embedding.target, &on_source),
         (&embedding.source, &on_target),
         &misfit,
-        &[],
+        (&[], false),
         progress,
     )?;
     found.convergence = Some(embedding.convergence);

@@ -51,8 +51,8 @@ pub fn triangulate(
     let mut triangles = Vec::with_capacity(corners.len() - 2 * sizes.len());
     let (mut rest, mut since) = (corners, 0);
     for &size in sizes {
-        let polygon;
-        (polygon, rest) = rest.split_at(usize::try_from(size).expect("was checked"));
+        let (polygon, others) = rest.split_at(size as usize);
+        rest = others;
         since += polygon.len();
         if since >= CHECKED {
             since = 0;
@@ -209,7 +209,7 @@ impl Clipping {
     /// Tells every triangle.
     fn cut(mut self, check: Check<'_>, tell: &mut impl FnMut([u32; 3])) -> Result<()> {
         let mut waiting = BinaryHeap::new();
-        let mut since = 0;
+        let mut since = 0_usize;
         for _ in 0..ROUNDS {
             // Corners that were blocked may have come free.
             waiting.clear();
@@ -217,7 +217,7 @@ impl Clipping {
                 if self.is_left[corner as usize] {
                     waiting.extend(self.judge(corner));
                     since += 1;
-                    if since % CHECKED == 0 {
+                    if since.is_multiple_of(CHECKED) {
                         check()?;
                     }
                 }
@@ -242,7 +242,7 @@ impl Clipping {
                 waiting.extend(self.judge(before));
                 waiting.extend(self.judge(after));
                 since += 1;
-                if since % (CHECKED / 16) == 0 {
+                if since.is_multiple_of(CHECKED / 16) {
                     check()?;
                 }
             }
@@ -351,14 +351,6 @@ fn area(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 mod tests {
     use super::*;
 
-    #[expect(
-        clippy::unnecessary_wraps,
-        reason = "it stands for a check that may cancel"
-    )]
-    fn unheard() -> Result<()> {
-        Ok(())
-    }
-
     /// A star whose every second corner is hollow, in the plane x + y + z = 0.
     fn star(corners: usize) -> Vec<[f64; 3]> {
         let point = |k: usize| {
@@ -386,7 +378,7 @@ mod tests {
         for count in [8, 100, 2000] {
             let vertices = star(count);
             let corners: Vec<i64> = (0..count as i64).collect();
-            let found = triangulate(&vertices, &corners, &[count as i64], &unheard).unwrap();
+            let found = triangulate(&vertices, &corners, &[count as i64], &|| Ok(())).unwrap();
             assert_eq!(found.len(), count - 2);
             let (area, n) = area_in_space(&vertices, &found);
             // Of the fan, whose triangles overlap but add up with their signs: the true area.
@@ -405,7 +397,7 @@ mod tests {
     fn polygons_of_all_sizes_stay_in_order() {
         let vertices: Vec<[f64; 3]> = star(20);
         let corners = [0, 1, 2, 2, 3, 99, 5, 6, 7, 8, 7, 6, 5];
-        let found = triangulate(&vertices, &corners, &[3, 4, 3, 3], &unheard).unwrap();
+        let found = triangulate(&vertices, &corners, &[3, 4, 3, 3], &|| Ok(())).unwrap();
         assert_eq!(
             found,
             [[0, 1, 2], [2, 3, 99], [2, 99, 5], [6, 7, 8], [7, 6, 5]]
@@ -415,7 +407,7 @@ mod tests {
     #[test]
     fn sizes_that_do_not_fit_are_refused() {
         for sizes in [&[2, 4][..], &[3], &[3, 4], &[-1, 7], &[i64::MAX, 3]] {
-            let refused = triangulate(&[[0.0; 3]; 6], &[0; 6], sizes, &unheard);
+            let refused = triangulate(&[[0.0; 3]; 6], &[0; 6], sizes, &|| Ok(()));
             assert!(
                 matches!(refused, Err(Error::BadArgument { .. })),
                 "{sizes:?}"
@@ -435,7 +427,7 @@ mod tests {
         };
         let vertices: Vec<[f64; 3]> = (0..3000).map(|_| [next(), next(), 0.0]).collect();
         let corners: Vec<i64> = (0..3000).collect();
-        let found = triangulate(&vertices, &corners, &[3000], &unheard).unwrap();
+        let found = triangulate(&vertices, &corners, &[3000], &|| Ok(())).unwrap();
         assert_eq!(found.len(), 2998);
         let stopped = triangulate(&vertices, &corners.repeat(6), &[3000; 6], &|| {
             Err(Error::Cancelled)

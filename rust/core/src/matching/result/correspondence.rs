@@ -128,14 +128,14 @@ impl Correspondence {
 }
 
 /// Points on the given meshes, confidence and functional map, from two embeddings, the vertex maps
-/// between them, and local distortion and gap at each target vertex.
+/// between them, and local distortion and gap at each target vertex; `in_detail` refined on the given meshes.
 pub(in crate::matching) fn dense_map(
     source: &Shape,
     target: &Shape,
     (target_rows, images): (&Rows, &[u32]),
     (source_rows, back): (&Rows, &[u32]),
     misfit: &[(f64, f64)],
-    landmarks: &[(u32, u32)],
+    (landmarks, in_detail): (&[(u32, u32)], bool),
     progress: &Progress,
 ) -> Result<Correspondence> {
     let check: Check<'_> = &|| progress.check();
@@ -164,7 +164,9 @@ pub(in crate::matching) fn dense_map(
         || functional_map(source, target, images, back, check),
     );
     let (mut points, functional_map) = (points?, functional_map?);
-    if source.is_simplified() || target.is_simplified() {
+    let given = |shape: &Shape| shape.given_mesh().vertices.len();
+    let is_small = given(source).max(given(target)) <= detail::MOST_VERTICES;
+    if in_detail && is_small && (source.is_simplified() || target.is_simplified()) {
         points = detail::refined(source.given_mesh(), target.given_mesh(), &points, check)?;
     }
     let trust = match &target.full {
