@@ -55,7 +55,7 @@ def main() -> int:
     started = time.perf_counter()
     bpy.ops.spectral_match.match()
     seconds = time.perf_counter() - started
-    bpy.ops.spectral_match.transfer()
+    bpy.ops.spectral_match.transfer(split_bare=False)
 
     error = _mean_error(source, target, slender, stout)
     print(f"{len(slender.vertices)} vertices matched to {len(stout.vertices)} in {seconds:.1f} s")
