@@ -435,12 +435,6 @@ impl Shape {
         self.full.as_ref().map_or(&self.mesh, |full| &full.mesh)
     }
 
-    /// Whether the given mesh has more vertices than the one on which maps are sought.
-    #[must_use]
-    pub fn is_simplified(&self) -> bool {
-        self.full.as_ref().is_some_and(|full| !full.is_finer())
-    }
-
     /// Spectrum of the given mesh when [`Shape::mesh`] is another one; computed when first asked for.
     ///
     /// # Errors

@@ -11,10 +11,10 @@ use crate::error::Result;
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::watch::progress::Check;
 
-/// Displacements are sought again in every round.
+/// Displacements are sought again in every round; lids come to lie a tenth worse with 1e-2.
 const UNTIL: Until = Until {
-    residual: 1e-2,
-    steps: 60,
+    residual: 3e-3,
+    steps: 300,
 };
 /// Rows worked out at once.
 const ROWS: usize = 512;

@@ -7,13 +7,17 @@
 //! averaging falls from [`COARSEST`] to that of the finest edges. The surface moves as a whole, so that neighbours stay
 //! neighbours along it, and sheets that face each other are never exchanged.
 //!
-//! Comes in: two checked meshes at unit area and the source's point of each target vertex. Goes out: these points, refined.
+//! A target that is a [copy] of the source or of a part of it is told by its edges, and answers vertex to vertex.
+//!
+//! Comes in: two checked meshes at unit area, the source's point of each target vertex, and which of these are given. Goes out:
+//! these points, refined.
 //!
 //! # Source
 //! Chen, Medioni, "Object modelling by registration of multiple range images", 1992 (drawn along normals); Amberg, Romdhani,
 //! Vetter, "Optimal step nonrigid ICP algorithms for surface registration", 2007 (stiffness lowered step by step); Thirion,
 //! "Image matching as a diffusion process: an analogy with Maxwell's demons", 1998 (steps smoothed, not their sum).
 
+mod copy;
 mod ground;
 mod membrane;
 mod similar;
@@ -28,10 +32,11 @@ use crate::watch::progress::Check;
 use ground::Ground;
 use membrane::{Membrane, Symmetric, along, times};
 
-/// Larger meshes keep what the working meshes say: the stage takes a tenth of a second for a thousand vertices.
+/// Larger meshes keep what the working meshes say.
 pub(crate) const MOST_VERTICES: usize = 60_000;
-/// Length over which the first displacements are averaged, at unit area: twice what maps are off on working meshes.
-const COARSEST: f64 = 0.03;
+/// Length over which the first displacements are averaged, at unit area: what maps are off on working meshes. Lids come to lie
+/// as well from 0.015 on, and a tenth worse from 0.03 on.
+const COARSEST: f64 = 0.02;
 /// The last length of averaging in edges of the finest parts.
 const FINEST: f64 = 0.7;
 /// Share of the vertices that are the finest parts.
@@ -41,9 +46,12 @@ const OWN_EDGES: f64 = 0.5;
 /// Lengths of averaging, in equal ratios from the coarsest to the finest.
 const STAGES: usize = 5;
 /// Steps at each.
-const STEPS: usize = 3;
+const STEPS: usize = 2;
 /// Steps at the last.
-const LAST_STEPS: usize = 5;
+const LAST_STEPS: usize = 4;
+/// How far vertices move along the displacements of a step, which lag behind: where feet slide along with the vertices, half as
+/// far again comes as near in 12 steps as once as far in 17.
+const STRIDE: f64 = 1.5;
 /// ρ, the distance that a turn of normals by one radian counts, at the coarsest and, in lengths of averaging, at the finest.
 const COARSEST_TURN: f64 = 0.015;
 const FINEST_TURN: f64 = 2.0;
@@ -51,8 +59,31 @@ const FINEST_TURN: f64 = 2.0;
 const ACROSS: f64 = 0.1;
 /// Keeps the equations regular where nothing draws.
 const LEAST_DRAW: f64 = 1e-6;
+/// How strongly vertices whose points are given are drawn to them, relative to all others.
+const GIVEN: f64 = 1e4;
 
-/// The source's point of each target vertex, refined on the given surfaces.
+/// The source's point of each target vertex where the target is a [copy] of it, or of a part, and the vertices whose points are
+/// given keep theirs.
+pub(crate) fn copied(
+    source: &Mesh,
+    target: &Mesh,
+    points: &[SurfacePoint],
+    given: &[u32],
+) -> Option<Vec<SurfacePoint>> {
+    let images: Vec<Point> = points.iter().map(|p| at(source, p)).collect();
+    let mirrored = is_mirrored(source, target, points, &images);
+    let vertices = copy::vertices(source, target, points, mirrored)?;
+    let kept = |&v: &u32| {
+        let [v, image] = [v as usize, vertices[v as usize] as usize];
+        vector::distance(source.vertices[image], images[v]) < copy::ALIKE
+    };
+    given
+        .iter()
+        .all(kept)
+        .then(|| at_vertices(source, &vertices))
+}
+
+/// The source's point of each target vertex, refined on the given surfaces but for the vertices whose points are given.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
@@ -60,10 +91,16 @@ pub(crate) fn refined(
     source: &Mesh,
     target: &Mesh,
     points: &[SurfacePoint],
+    given: &[u32],
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
     let rest = &target.vertices;
     let images: Vec<Point> = points.iter().map(|p| at(source, p)).collect();
+    let mirrored = is_mirrored(source, target, points, &images);
+    let mut is_given = vec![false; rest.len()];
+    for &v in given {
+        is_given[v as usize] = true;
+    }
     let (edges, ground) = rayon::join(
         || EdgeWeights::new(rest, &target.faces),
         || Ground::new(source, COARSEST_TURN / 2.0),
@@ -71,7 +108,6 @@ pub(crate) fn refined(
     let areas = areas(target);
     let own_edges = edge_lengths(rest, &edges);
     let finest = FINEST * quantile(&own_edges, FINE_PART);
-    let mirrored = is_mirrored(source, target, points, &images);
     let facing = if mirrored { -1.0 } else { 1.0 };
     let mut places = similar::laid(rest, (&areas, &edges), &images, mirrored, check)?;
     let mut known: Vec<u32> = points
@@ -111,6 +147,13 @@ pub(crate) fn refined(
             let mut drawn: Vec<Symmetric> = Vec::with_capacity(feet.len());
             let mut right = Vec::with_capacity(feet.len());
             for (v, foot) in feet.iter().enumerate() {
+                known[v] = foot.vertex;
+                if is_given[v] {
+                    let weight = GIVEN * areas[v];
+                    right.push(vector::scaled(vector::sub(images[v], places[v]), weight));
+                    drawn.push([weight, 0.0, 0.0, weight, 0.0, weight]);
+                    continue;
+                }
                 let agree = vector::dot(foot.normal, facing[v]).max(0.0);
                 let weight = if foot.on_rim {
                     0.0
@@ -122,17 +165,27 @@ pub(crate) fn refined(
                 let least = LEAST_DRAW * areas[v];
                 let [xx, xy, xz, yy, yz, zz] = draw;
                 drawn.push([xx + least, xy, xz, yy + least, yz, zz + least]);
-                known[v] = foot.vertex;
             }
             let start = vec![[0.0; 3]; places.len()];
             let moved = Membrane::new(&edges, &lengths, &drawn).solved(&right, start, check)?;
             for (place, moved) in places.iter_mut().zip(moved) {
-                *place = vector::add(*place, moved);
+                *place = vector::add(*place, vector::scaled(moved, STRIDE));
             }
         }
     }
     let feet = ground.feet(&places, &normals(&places), &rho, &known);
-    Ok(feet.into_iter().map(|foot| foot.point).collect())
+    let mut refined: Vec<SurfacePoint> = feet.into_iter().map(|foot| foot.point).collect();
+    for &v in given {
+        refined[v as usize] = points[v as usize];
+    }
+    Ok(refined)
+}
+
+/// Vertices of a mesh as points of its surface.
+fn at_vertices(mesh: &Mesh, vertices: &[u32]) -> Vec<SurfacePoint> {
+    let faces = mesh.vertex_faces();
+    let point = |&v: &u32| SurfacePoint::at_corner(&mesh.faces, faces.row(v as usize)[0], v);
+    vertices.iter().map(point).collect()
 }
 
 /// Where a point of a surface lies.
@@ -190,4 +243,182 @@ fn is_mirrored(source: &Mesh, target: &Mesh, points: &[SurfacePoint], images: &[
         })
         .sum();
     turned < 0.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{RINGS, draws, torus_mesh};
+
+    /// A mesh, and vertex i of it as `order[i]` of the returned one, its faces shuffled and rotated, its places moved.
+    fn renumbered(mesh: &Mesh, moved: impl Fn(Point) -> Point) -> (Mesh, Vec<u32>) {
+        let n = mesh.vertices.len();
+        let mut draw = draws(7);
+        let mut order: Vec<u32> = (0..n as u32).collect();
+        for i in (1..n).rev() {
+            order.swap(i, draw() as usize % (i + 1));
+        }
+        let mut vertices = vec![[0.0; 3]; n];
+        for (v, &new) in order.iter().enumerate() {
+            vertices[new as usize] = moved(mesh.vertices[v]);
+        }
+        let mut faces: Vec<[i64; 3]> = (mesh.faces.iter())
+            .map(|f| f.map(|v| i64::from(order[v as usize])))
+            .collect();
+        for i in (1..faces.len()).rev() {
+            faces.swap(i, draw() as usize % (i + 1));
+            faces[i].rotate_left(draw() as usize % 3);
+        }
+        (Mesh::new(&vertices, &faces).expect("a sound mesh"), order)
+    }
+
+    fn part_of_torus(rings: usize) -> Mesh {
+        let (vertices, faces) = torus_mesh(rings, &[], 0.0);
+        Mesh::new(&vertices, &faces).expect("a sound mesh")
+    }
+
+    /// Every target vertex at the vertex of the source that is `apart` numbers further.
+    fn points_at(source: &Mesh, vertices: impl Iterator<Item = u32>) -> Vec<SurfacePoint> {
+        at_vertices(source, &vertices.collect::<Vec<_>>())
+    }
+
+    fn turned([x, y, z]: Point) -> Point {
+        [2.0 * z + 5.0, 2.0 * x, 2.0 * y - 1.0]
+    }
+
+    fn mirrored([x, y, z]: Point) -> Point {
+        [-x, y, z]
+    }
+
+    /// For a target whose vertex `order[v]` is the source's v: the greatest distance of an image from there.
+    fn furthest_off(source: &Mesh, points: &[SurfacePoint], order: &[u32]) -> f64 {
+        let off = order.iter().enumerate().map(|(v, &new)| {
+            vector::distance(at(source, &points[new as usize]), source.vertices[v])
+        });
+        off.fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn copies_come_back_vertex_by_vertex() {
+        let source = part_of_torus(RINGS);
+        for moved in [turned, mirrored] {
+            let (target, order) = renumbered(&source, moved);
+            // Each near its image: the neighbour in its ring.
+            let mut near = vec![0; order.len()];
+            for (v, &new) in order.iter().enumerate() {
+                near[new as usize] = (v as u32 / 20) * 20 + (v as u32 + 1) % 20;
+            }
+            let points = points_at(&source, near.into_iter());
+            let found = copied(&source, &target, &points, &[]).expect("it is a copy");
+            assert_eq!(furthest_off(&source, &found, &order), 0.0);
+        }
+    }
+
+    #[test]
+    fn a_part_is_found_in_its_place() {
+        let source = part_of_torus(RINGS);
+        let (part, faces) = torus_mesh(9, &[], 0.0);
+        let part = Mesh::new(&part, &faces).expect("a sound mesh");
+        let far = points_at(&source, part.vertices.iter().map(|_| 400));
+        let found = copied(&source, &part, &far, &[]).expect("it is a part");
+        for (own, point) in part.input_vertex.iter().zip(&found) {
+            let image = source.faces[point.face as usize]
+                .iter()
+                .zip(point.weights)
+                .find(|(_, w)| *w == 1.0);
+            assert_eq!(
+                image.map(|(&v, _)| source.input_vertex[v as usize]),
+                Some(*own)
+            );
+        }
+    }
+
+    #[test]
+    fn what_is_stretched_is_no_copy() {
+        let source = part_of_torus(RINGS);
+        let points = points_at(&source, 0..source.vertices.len() as u32);
+        let (stretched, _) = renumbered(&source, |[x, y, z]| [x, y, 1.01 * z]);
+        assert!(copied(&source, &stretched, &points, &[]).is_none());
+        // A copy that a given point contradicts is none.
+        let (target, order) = renumbered(&source, turned);
+        let own = order.iter().position(|&new| new == 0).expect("a vertex") as u32;
+        let other = points_at(&source, (0..order.len() as u32).map(|_| own + 1));
+        assert!(copied(&source, &target, &other, &[0]).is_none());
+    }
+
+    /// Two spheres, one inside the other and facing inward, joined by a neck: a shell whose sheets are a hundredth apart.
+    /// Images on the wrong sheet come back to their own.
+    #[test]
+    fn sheets_that_lie_close_do_not_exchange_images() {
+        let shell = shell();
+        let (target, order) = renumbered(&shell, |p| p);
+        let mut inner = vec![false; order.len()];
+        let radius = |m: &Mesh, v: usize| vector::norm(m.vertices[v]);
+        let largest = (0..shell.vertices.len())
+            .map(|v| radius(&shell, v))
+            .fold(0.0, f64::max);
+        let mut images = vec![0; order.len()];
+        for (v, &new) in order.iter().enumerate() {
+            inner[v] = radius(&shell, v) < 0.97 * largest;
+            images[new as usize] = v as u32;
+        }
+        // Every tenth vertex is given an image on the other sheet, the next to its own in space.
+        let other_sheet = |v: u32| {
+            let there = (0..shell.vertices.len()).filter(|&u| inner[u] != inner[v as usize]);
+            let apart =
+                |u: &usize| vector::distance(shell.vertices[*u], shell.vertices[v as usize]);
+            there
+                .min_by(|a, b| apart(a).total_cmp(&apart(b)))
+                .expect("two sheets") as u32
+        };
+        for image in images.iter_mut().step_by(10) {
+            *image = other_sheet(*image);
+        }
+        let points = points_at(&shell, images.into_iter());
+        let found = refined(&shell, &target, &points, &[], &|| Ok(())).expect("not cancelled");
+        let exchanged = order.iter().enumerate().filter(|&(v, &new)| {
+            let is_inner = vector::norm(at(&shell, &found[new as usize])) < 0.97 * largest;
+            is_inner != inner[v]
+        });
+        assert_eq!(exchanged.count(), 0);
+    }
+
+    /// A sphere without a cap and one of 0.94 times its radius inside it, joined along the rim.
+    fn shell() -> Mesh {
+        let (rings, around) = (24i64, 32i64);
+        let mut vertices = Vec::new();
+        for radius in [1.0, 0.94] {
+            for ring in 0..rings {
+                let polar = 0.3 + (std::f64::consts::PI - 0.6) * ring as f64 / (rings - 1) as f64;
+                for step in 0..around {
+                    let turn = std::f64::consts::TAU * step as f64 / around as f64;
+                    let (sin, cos) = polar.sin_cos();
+                    vertices.push([sin * turn.cos(), sin * turn.sin(), cos].map(|c| radius * c));
+                }
+            }
+        }
+        let vertex =
+            |sheet: i64, ring: i64, step: i64| (sheet * rings + ring) * around + step % around;
+        let mut faces = Vec::new();
+        let mut quad = |a: i64, b: i64, c: i64, d: i64| faces.extend([[a, b, c], [a, c, d]]);
+        for step in 0..around {
+            for ring in 0..rings - 1 {
+                let [a, b, c, d] = [(0, 0), (1, 0), (1, 1), (0, 1)];
+                let outer = |(r, s): (i64, i64)| vertex(0, ring + r, step + s);
+                let inner = |(r, s): (i64, i64)| vertex(1, ring + r, step + s);
+                quad(outer(a), outer(b), outer(c), outer(d));
+                quad(inner(d), inner(c), inner(b), inner(a));
+            }
+            for (ring, flip) in [(0, true), (rings - 1, false)] {
+                let rim = [(0, step), (0, step + 1), (1, step + 1), (1, step)];
+                let [a, b, c, d] = rim.map(|(sheet, step)| vertex(sheet, ring, step));
+                if flip {
+                    quad(a, b, c, d);
+                } else {
+                    quad(d, c, b, a);
+                }
+            }
+        }
+        Mesh::new(&vertices, &faces).expect("a sound mesh")
+    }
 }

@@ -15,10 +15,10 @@ use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::Coverage;
 use crate::matching::ranking::{Hypothesis, Metrics};
 use crate::matching::result::confidence::confidence;
-use crate::mesh::boundary;
 use crate::mesh::surface_point::SurfacePoint;
+use crate::mesh::{Mesh, boundary};
 use crate::shape::Shape;
-use crate::shape::full_resolution::FullSpectrum;
+use crate::shape::full_resolution::{FullResolution, FullSpectrum};
 use crate::shape::pointwise_map::{self, EmbeddedTriangles};
 use crate::spectrum::eigenbasis::Eigenbasis;
 use crate::watch::progress::{Check, Progress};
@@ -164,10 +164,8 @@ pub(in crate::matching) fn dense_map(
         || functional_map(source, target, images, back, check),
     );
     let (mut points, functional_map) = (points?, functional_map?);
-    let given = |shape: &Shape| shape.given_mesh().vertices.len();
-    let is_small = given(source).max(given(target)) <= detail::MOST_VERTICES;
-    if in_detail && is_small && (source.is_simplified() || target.is_simplified()) {
-        points = detail::refined(source.given_mesh(), target.given_mesh(), &points, check)?;
+    if in_detail {
+        points = in_detail_of_given(source, target, points, landmarks, check)?;
     }
     let trust = match &target.full {
         Some(full) => full.carried(&trust, &target.mesh),
@@ -178,6 +176,31 @@ pub(in crate::matching) fn dense_map(
         found.points = points;
     }
     Ok(found)
+}
+
+/// Points refined on the given meshes where these are as fine as the working ones, and not too large.
+fn in_detail_of_given(
+    source: &Shape,
+    target: &Shape,
+    points: Vec<SurfacePoint>,
+    landmarks: &[(u32, u32)],
+    check: Check<'_>,
+) -> Result<Vec<SurfacePoint>> {
+    let full = target.full.as_ref();
+    let given = landmarks
+        .iter()
+        .map(|&(_, v)| full.map_or(v, |f| f.kept[v as usize]));
+    let given: Vec<u32> = given.collect();
+    let meshes = [source.given_mesh(), target.given_mesh()];
+    if let Some(copied) = detail::copied(meshes[0], meshes[1], &points, &given) {
+        return Ok(copied);
+    }
+    let is_coarse = |shape: &Shape| shape.full.as_ref().is_some_and(FullResolution::is_finer);
+    let is_large = |mesh: &Mesh| mesh.vertices.len() > detail::MOST_VERTICES;
+    if is_coarse(source) || is_coarse(target) || meshes.into_iter().any(is_large) {
+        return Ok(points);
+    }
+    detail::refined(meshes[0], meshes[1], &points, &given, check)
 }
 
 /// Point of the given source mesh for each vertex of the given target mesh.
