@@ -29,6 +29,7 @@ ROOMS = (
     "matching::refinement",
     "matching::ranking",
     "matching::symmetry",
+    "matching::standing",
     "matching::detail",
     "matching::result",
     "matching::completed",

@@ -26,6 +26,7 @@ PARTS = (
     "upsampling",
     "symmetry",
     "retry",
+    "standing",
 )
 """Parts of the automatic method that can be left out."""
 AUTOMATIC_ONLY = ("landmarks", "part", "mirror", "same_axes", "without")

@@ -2,4 +2,5 @@
 
 mod block_equations;
 pub mod piecewise_affine;
+pub mod registration;
 pub mod rigid_surface;

@@ -20,6 +20,7 @@ use crate::matching::ranking::{self, Hypothesis, Metrics};
 use crate::matching::refinement::embedded_surface;
 use crate::matching::refinement::regions;
 use crate::matching::search::{self, Width};
+use crate::matching::standing;
 use crate::matching::symmetry;
 use crate::shape::Shape;
 use crate::watch::progress::Progress;
@@ -44,10 +45,10 @@ const ELSEWHERE: f64 = 0.05;
 /// Close maps that differ on at most this share of the target are compared on that part.
 const PART_AT_MOST: f64 = 0.5;
 
-/// Hypotheses for two whole shapes: by a narrow search alone where that finds a clear map without a
-/// rival, else by a usual one as well, from both sides where the bodies differ, and then by one that also
-/// knows the plane of symmetry of each. When they are poor, also for either being a part of the other, which must then
-/// fit clearly better, since half as many questions are easier to answer well; and when these are no
+/// Hypotheses for two whole shapes: by a narrow search alone where that finds a clear map without a rival; else also by how
+/// they stand, which is enough where they stand alike; else by a usual search as well, from both sides where the bodies differ,
+/// and then by one that also knows the plane of symmetry of each. When they are poor, also for either being a part of the
+/// other, which must then fit clearly better, since half as many questions are easier to answer well; and when these are no
 /// better, once more for whole shapes by a wider search.
 pub(super) fn whole_or_part(
     pair: &Pair<'_>,
@@ -68,15 +69,28 @@ pub(super) fn whole_or_part(
         let within = |f: f64| report("selection", 0.1 + 0.5 * f);
         return with_part_of_given_lengths(pair, part, narrow, progress, &within);
     }
-    let differ = narrow.first().is_none_or(|h| quality::differ(&h.metrics));
+    let standing = if pair.uses(Part::Standing) {
+        standing::hypothesis(pair, progress)?
+    } else {
+        None
+    };
+    let (first, is_enough) = match standing {
+        Some(map) => standing::beside(pair.source, map, narrow),
+        None => (narrow, false),
+    };
+    if is_enough {
+        let within = |f: f64| report("selection", 0.1 + 0.5 * f);
+        return with_part_of_given_lengths(pair, part, first, progress, &within);
+    }
+    let differ = first.first().is_none_or(|h| quality::differ(&h.metrics));
     let width = Width::USUAL.both_ways(differ);
     let usual = search(pair, Coverage::BOTH, width, (0.1, 0.25));
-    let usual = if narrow.is_empty() {
+    let usual = if first.is_empty() {
         usual?
     } else {
         found_or_none(usual)?
     };
-    let mut best = ranking::merged(pair.source, narrow, usual);
+    let mut best = ranking::merged(pair.source, first, usual);
     let offsets = mirror_offsets(pair, &best[0].metrics, progress)?;
     let mut guided = pair;
     let symmetric = &Pair {

@@ -113,11 +113,13 @@ pub enum Part {
     Symmetry,
     /// Parts of shapes and a wider search where the result is poor.
     Retry,
+    /// The map between figures as they stand.
+    Standing,
 }
 
 impl Part {
     /// All parts with their names.
-    pub const ALL: [(&'static str, Self); 11] = [
+    pub const ALL: [(&'static str, Self); 12] = [
         ("geodesic", Self::Geodesic),
         ("descriptors", Self::Descriptors),
         ("orientation", Self::Orientation),
@@ -129,6 +131,7 @@ impl Part {
         ("rigid", Self::Rigid),
         ("symmetry", Self::Symmetry),
         ("retry", Self::Retry),
+        ("standing", Self::Standing),
     ];
 }
 

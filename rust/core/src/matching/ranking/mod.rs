@@ -127,6 +127,30 @@ fn judged(
     })
 }
 
+/// A map of up to 60 eigenfunctions, `(kₛ, kₜ)`, refined for a short while and judged as one that was found by a search.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
+pub fn of_first_map(
+    pair: &Pair<'_>,
+    matrix: Mat<f64>,
+    check: &(dyn Fn() -> Result<()> + Sync),
+) -> Result<Hypothesis> {
+    let size = matrix.ncols();
+    let (asking, answering) = rayon::join(
+        || pair.target.rows.first(size),
+        || pair.source.rows.times(matrix.as_ref()),
+    );
+    let of_landmarks = landmark_images(pair, &asking, &answering);
+    let first = Shortlisted {
+        matrix,
+        contradiction: missed_landmarks(pair, &of_landmarks),
+    };
+    let mut found = judged(pair, &first, check)?;
+    found.metrics.contradiction += off_axes(pair, found.judged_images());
+    Ok(found)
+}
+
 /// Plausible maps of a part into a whole, best first: first maps, `(kₛ, kₜ)`, refined for a short while. How long the
 /// unit of one is on the other has to be known.
 ///
