@@ -35,7 +35,8 @@ pub struct Metrics {
     /// 4 (1 − the correlation of both shapes' coordinates) when these are in one frame, and (d/0.06)²
     /// when points and their images lie d closer to the plane of symmetry on one shape.
     pub contradiction: f64,
-    /// Rank of the best other map over that of the chosen one, at most 2.
+    /// Rank of the best other map over that of the chosen one, by [cost](Self::cost) or by
+    /// [curvatures](Self::cost_by_curvatures) where that is less, at most 2.
     pub margin: f64,
     /// Mean distance from the images of the chosen map, √area; 0 for the chosen map itself.
     pub apart: f64,
@@ -63,9 +64,19 @@ impl Metrics {
     /// not agree.
     #[must_use]
     pub fn surface_cost(&self) -> f64 {
+        self.cost_by(self.extrinsic_agreement)
+    }
+
+    /// The [cost](Self::cost) with the curvatures as they are in place of what distances cannot tell of them.
+    #[must_use]
+    pub fn cost_by_curvatures(&self) -> f64 {
+        self.cost_by(self.agreement) * (1.0 + self.contradiction)
+    }
+
+    fn cost_by(&self, agreement: f64) -> f64 {
         (self.local_distortion + DISTORTION_NOISE)
             * (ORIENTATION_OFFSET.1 - self.orientation)
-            * (DISAGREEMENT_OFFSET - self.extrinsic_agreement).powi(2)
+            * (DISAGREEMENT_OFFSET - agreement).powi(2)
     }
 }
 
