@@ -6,6 +6,7 @@
 //! is matched in its place. Goes out: a map in the numbering of the given meshes, [pulled back](pull_back) to every piece,
 //! and a [grade](judgement) that answers for the whole.
 
+mod copies;
 mod judgement;
 mod pull_back;
 mod worn;
@@ -248,6 +249,11 @@ impl Figure {
             // Out of range here and there.
             return given;
         };
+        self.matched_class(class)
+    }
+
+    /// The same of a welded vertex.
+    fn matched_class(&self, class: u32) -> u32 {
         match &self.wrapped {
             Some(wrapped) => {
                 let SurfacePoint { face, weights } = wrapped.anchors[class as usize].point;
@@ -348,16 +354,21 @@ pub fn match_figures(
     {
         return Ok(found);
     }
+    let has_pieces = source.pieces > 1 || target.pieces > 1;
+    let by_copies = options.method == Method::Auto && is_free && has_pieces;
+    let landmarks = if by_copies {
+        copies::landmarks(source, target, progress)?
+    } else {
+        let given = options.landmarks.iter();
+        let matched = |&(s, t): &_| (source.matched_vertex(s), target.matched_vertex(t));
+        given.map(matched).collect()
+    };
     let options = Options {
-        landmarks: options
-            .landmarks
-            .iter()
-            .map(|&(s, t)| (source.matched_vertex(s), target.matched_vertex(t)))
-            .collect(),
+        landmarks,
         ..options.clone()
     };
     let found = match_shapes(&source.shape, &target.shape, &options, progress, report)?;
-    FigureMap::pulled_back(found, source, target, progress)
+    FigureMap::pulled_back(found, source, target, by_copies, progress)
 }
 
 /// Completes one of the other maps that were found between two figures.
@@ -382,7 +393,7 @@ pub fn completed(
         progress,
         report,
     )?;
-    FigureMap::pulled_back(map, source, target, progress)
+    FigureMap::pulled_back(map, source, target, false, progress)
 }
 
 fn largest(weights: [f64; 3]) -> usize {

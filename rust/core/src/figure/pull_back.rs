@@ -7,7 +7,7 @@
 
 use rayon::prelude::*;
 
-use super::{Figure, ON_ENVELOPE, largest};
+use super::{Figure, ON_ENVELOPE, copies, largest};
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::matching::Correspondence;
@@ -48,23 +48,25 @@ pub(super) struct Placed {
 }
 
 impl FigureMap {
-    /// The map between two figures from that between what was matched of them.
+    /// The map between two figures from that between what was matched of them, pieces that both have on their originals where
+    /// these count.
     pub(super) fn pulled_back(
         mut map: Correspondence,
         source: &Figure,
         target: &Figure,
+        by_copies: bool,
         progress: &Progress,
     ) -> Result<Self> {
         progress.check()?;
         let has_unmatched = map.unmatched > 0 && target.pieces > 1;
-        if source.is_plain() && target.is_plain() && !has_unmatched {
+        if source.is_plain() && target.is_plain() && !has_unmatched && !by_copies {
             return Ok(Self {
                 map,
                 unknown: 0.0,
                 is_worn: false,
             });
         }
-        let placed = if source.is_wrapped() || target.is_wrapped() {
+        let mut placed = if source.is_wrapped() || target.is_wrapped() {
             placed(&map, source, target, progress)?
         } else {
             let points = map.faces.iter().zip(&map.barycentric);
@@ -74,6 +76,9 @@ impl FigureMap {
                 .map(|(point, &confidence)| Placed { point, confidence })
                 .collect()
         };
+        if by_copies {
+            copies::on_originals(source, target, &mut placed, progress)?;
+        }
         let unknown = unknown(target, &placed);
         let placed = on_counterparts(source, target, placed)?;
         in_given_numbering(&mut map, source, target, &placed);

@@ -6,6 +6,7 @@
 pub mod bisection;
 pub mod boundary;
 pub mod convexity;
+pub mod copies;
 pub mod edge_weights;
 mod intake;
 pub mod polygons;

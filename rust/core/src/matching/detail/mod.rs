@@ -7,7 +7,7 @@
 //! averaging falls from [`COARSEST`] to that of the finest edges. The surface moves as a whole, so that neighbours stay
 //! neighbours along it, and sheets that face each other are never exchanged.
 //!
-//! A target that is a [copy] of the source or of a part of it is told by its edges, and answers vertex to vertex.
+//! A target that is a [copy](crate::mesh::copies) of the source or of a part of it answers vertex to vertex.
 //!
 //! Comes in: two checked meshes at unit area, the source's point of each target vertex, and which of these are given. Goes out:
 //! these points, refined.
@@ -17,13 +17,13 @@
 //! Vetter, "Optimal step nonrigid ICP algorithms for surface registration", 2007 (stiffness lowered step by step); Thirion,
 //! "Image matching as a diffusion process: an analogy with Maxwell's demons", 1998 (steps smoothed, not their sum).
 
-mod copy;
 mod ground;
 mod membrane;
 mod similar;
 
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::mesh::copies::{SAME, Triangles, originals};
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::{Mesh, normals_of};
@@ -62,25 +62,34 @@ const LEAST_DRAW: f64 = 1e-6;
 /// How strongly vertices whose points are given are drawn to them, relative to all others.
 const GIVEN: f64 = 1e4;
 
-/// The source's point of each target vertex where the target is a [copy] of it, or of a part, and the vertices whose points are
-/// given keep theirs.
+/// The source's point of each target vertex where the target is a [copy](crate::mesh::copies) of it, or of a part, and the
+/// vertices whose points are given keep theirs.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
 pub(crate) fn copied(
     source: &Mesh,
     target: &Mesh,
     points: &[SurfacePoint],
     given: &[u32],
-) -> Option<Vec<SurfacePoint>> {
+    check: Check<'_>,
+) -> Result<Option<Vec<SurfacePoint>>> {
     let images: Vec<Point> = points.iter().map(|p| at(source, p)).collect();
     let mirrored = is_mirrored(source, target, points, &images);
-    let vertices = copy::vertices(source, target, points, mirrored)?;
-    let kept = |&v: &u32| {
-        let [v, image] = [v as usize, vertices[v as usize] as usize];
-        vector::distance(source.vertices[image], images[v]) < copy::ALIKE
+    let [from, to] = [source, target].map(|mesh| Triangles {
+        vertices: &mesh.vertices,
+        faces: &mesh.faces,
+    });
+    let found = originals(from, to, Some(&images), mirrored, check)?;
+    let vertices: Option<Vec<u32>> = (found.into_iter().map(|o| o.map(|o| o.vertex))).collect();
+    let kept = |vertices: &[u32]| {
+        given.iter().all(|&v| {
+            let image = source.vertices[vertices[v as usize] as usize];
+            vector::distance(image, images[v as usize]) < SAME
+        })
     };
-    given
-        .iter()
-        .all(kept)
-        .then(|| at_vertices(source, &vertices))
+    let copied = vertices.filter(|vertices| kept(vertices));
+    Ok(copied.map(|vertices| at_vertices(source, &vertices)))
 }
 
 /// The source's point of each target vertex, refined on the given surfaces but for the vertices whose points are given.
@@ -309,7 +318,8 @@ mod tests {
                 near[new as usize] = (v as u32 / 20) * 20 + (v as u32 + 1) % 20;
             }
             let points = points_at(&source, near.into_iter());
-            let found = copied(&source, &target, &points, &[]).expect("it is a copy");
+            let found = copied(&source, &target, &points, &[], &|| Ok(()));
+            let found = found.expect("not cancelled").expect("it is a copy");
             assert_eq!(furthest_off(&source, &found, &order), 0.0);
         }
     }
@@ -320,7 +330,8 @@ mod tests {
         let (part, faces) = torus_mesh(9, &[], 0.0);
         let part = Mesh::new(&part, &faces).expect("a sound mesh");
         let far = points_at(&source, part.vertices.iter().map(|_| 400));
-        let found = copied(&source, &part, &far, &[]).expect("it is a part");
+        let found = copied(&source, &part, &far, &[], &|| Ok(()));
+        let found = found.expect("not cancelled").expect("it is a part");
         for (own, point) in part.input_vertex.iter().zip(&found) {
             let image = source.faces[point.face as usize]
                 .iter()
@@ -337,13 +348,13 @@ mod tests {
     fn what_is_stretched_is_no_copy() {
         let source = part_of_torus(RINGS);
         let points = points_at(&source, 0..source.vertices.len() as u32);
-        let (stretched, _) = renumbered(&source, |[x, y, z]| [x, y, 1.01 * z]);
-        assert!(copied(&source, &stretched, &points, &[]).is_none());
+        let (stretched, _) = renumbered(&source, |[x, y, z]| [x, y, 2.0 * z]);
+        assert!(copied(&source, &stretched, &points, &[], &|| Ok(())) == Ok(None));
         // A copy that a given point contradicts is none.
         let (target, order) = renumbered(&source, turned);
         let own = order.iter().position(|&new| new == 0).expect("a vertex") as u32;
         let other = points_at(&source, (0..order.len() as u32).map(|_| own + 1));
-        assert!(copied(&source, &target, &other, &[0]).is_none());
+        assert!(copied(&source, &target, &other, &[0], &|| Ok(())) == Ok(None));
     }
 
     /// Two spheres, one inside the other and facing inward, joined by a neck: a shell whose sheets are a hundredth apart.

@@ -192,7 +192,7 @@ fn in_detail_of_given(
         .map(|&(_, v)| full.map_or(v, |f| f.kept[v as usize]));
     let given: Vec<u32> = given.collect();
     let meshes = [source.given_mesh(), target.given_mesh()];
-    if let Some(copied) = detail::copied(meshes[0], meshes[1], &points, &given) {
+    if let Some(copied) = detail::copied(meshes[0], meshes[1], &points, &given, check)? {
         return Ok(copied);
     }
     let is_coarse = |shape: &Shape| shape.full.as_ref().is_some_and(FullResolution::is_finer);
