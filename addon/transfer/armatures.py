@@ -2,6 +2,7 @@
 """The source's rig, fitted to the target: each joint placed by the surface around it."""
 
 from contextlib import contextmanager
+from functools import partial
 
 import bpy
 import numpy as np
@@ -10,8 +11,9 @@ from mathutils import Matrix, Vector
 
 from ..mesh_read import UnusableObjectError
 from .actions import actions_of, own_actions
+from .constraints import fit_constraints, settle
 from .copies import MADE_FOR, comes_from, copied, object_copy
-from .joints import fitted_joints
+from .joints import fitted_bones
 from .kind import Kind, Prepared
 from .listed import listed
 from .own_rig import keeps_rig, own_modifiers
@@ -70,12 +72,12 @@ def prepare(route, wanted, options):
                 f"'{rig.name}' has other bones now, so '{route.target.name}' got a new rig. '{before.name}' "
                 "stays in the scene without it: take over what you added there, then delete it"
             )
-        fitted.append((rig, named, *fitted_joints(route, rig)))
+        fitted.append((rig, named, fitted_bones(route, rig)))
 
     def write():
         replaced = [modifier.object for modifier in own]
-        for rig, named, joints, ends in fitted:
-            _write(route, rig, named, joints, ends, replaced, options)
+        for rig, named, bones in fitted:
+            _write(route, rig, named, bones, replaced, options)
             _share(route, rig, replaced)
         for modifier in own:
             modifier.show_viewport = modifier.show_render = False
@@ -83,21 +85,18 @@ def prepare(route, wanted, options):
     return Prepared(write, tuple(notes))
 
 
-def _write(route, rig, named, fitted, ends, replaced, options):
-    positions, turns, scales = fitted
+def _write(route, rig, named, bones, replaced, options):
     own, fresh = _own_rig(route, rig, named, replaced)
     place = own.matrix_world.inverted() @ route.target_to_world
-    # The source rig's axes as directions on the source's surface.
-    axes = (route.source_to_world.inverted_safe() @ rig.matrix_world).to_3x3()
-    wanted = {}
-    for bone, (head, tail) in zip(rig.data.bones, ends, strict=True):
-        up = Matrix(turns[head].tolist()) @ (axes @ bone.matrix_local.to_3x3().col[2])
-        wanted[named[bone.name]] = (
-            place @ Vector(positions[head]),
-            place @ Vector(positions[tail]),
-            (place.to_3x3() @ up).normalized(),
-            float(scales[head]),
+    wanted = {
+        named[name]: (
+            place @ Vector(bone.head),
+            place @ Vector(bone.tail),
+            (place.to_3x3() @ Vector(bone.axes[:, 2])).normalized(),
+            bone.scale,
         )
+        for name, bone in bones.items()
+    }
     with _editing(own):
         for bone in own.data.edit_bones:
             head, tail, up, scale = wanted[bone.name]
@@ -111,20 +110,38 @@ def _write(route, rig, named, fitted, ends, replaced, options):
             grown = bone.length / before if before > 0.0 else scale
             for radius in ("head_radius", "tail_radius", "envelope_distance"):
                 setattr(bone, radius, getattr(bone, radius) * grown)
+    if fresh:
+        _fit_shapes(rig, own, named)
+    route.fitted.append(partial(_finish, route, rig, own, named, bones, fresh, options))
+
+
+def _fit_shapes(rig, own, named):
+    """Shapes in which bones are shown, as large beside the bones as on the source's rig."""
+    for bone in rig.pose.bones:
+        shown = own.pose.bones[named[bone.name]]
+        grown = shown.bone.length / bone.bone.length
+        shown.custom_shape_translation = bone.custom_shape_translation * grown
+        if not bone.use_custom_shape_bone_size:
+            shown.custom_shape_scale_xyz = bone.custom_shape_scale_xyz * grown
+
+
+def _finish(route, rig, own, named, bones, fresh, options):
+    """Once all copies look at one another: constraints at rest, and actions."""
+    held = _holding(route.body, rig)
+    fit_constraints(rig, own, named)
+    if settle(rig, own, named, held, _editing):
+        fit_constraints(rig, own, named)
     if not (actions_of(rig) or actions_of(own)):
         return
-    ways = route.source_to_world, route.target_to_world
+    ways, some = (route.source_to_world, route.target_to_world), next(iter(bones.values()))
     size = np.cbrt(abs(ways[1].determinant() / ways[0].determinant()))
     fitting = Fitting(
         rig,
         own,
         named,
-        held=_holding(route.body, rig),
-        mirrors=np.prod([np.linalg.det(turns[0]), *(way.determinant() for way in ways)]) < 0.0,
-        growth={
-            bone.name: size * float(scales[head])
-            for bone, (head, _) in zip(rig.data.bones, ends, strict=True)
-        },
+        held=held,
+        mirrors=np.prod([np.linalg.det(some.turn), *(way.determinant() for way in ways)]) < 0.0,
+        growth={name: size * bone.scale for name, bone in bones.items()},
         bodies=(route.source, route.target),
     )
     (fit_actions if options.fit_animation else keep_actions)(fitting, fresh)
@@ -245,39 +262,6 @@ def _new_modifier(route, target, rig, name):
         # Not the last one where another is pinned to that place.
         target.modifiers.move(target.modifiers.find(made.name), place)
     return made
-
-
-def fit_constraints(rig, own, sides):
-    """Lengths and matrices that constraints of the rig store, as they are for the fitted bones at rest."""
-    for bone in rig.pose.bones:
-        fitted = own.pose.bones[sides.of(bone.name)]
-        for constraint in bone.constraints:
-            copy = fitted.constraints.get(constraint.name)
-            if copy is None or getattr(copy, "target", None) is None or constraint.target is None:
-                continue
-            there, here = at_rest(constraint), at_rest(copy)
-            if constraint.type == "CHILD_OF" and constraint.inverse_matrix != Matrix():
-                copy.inverse_matrix = here.inverted_safe() @ there @ constraint.inverse_matrix
-            length = {"STRETCH_TO": "rest_length", "LIMIT_DISTANCE": "distance"}.get(constraint.type)
-            if length is not None:
-                before = (there.translation - _head_at_rest(rig, bone)).length
-                after = (here.translation - _head_at_rest(own, fitted)).length
-                if before > 0.0:
-                    setattr(copy, length, getattr(constraint, length) * after / before)
-
-
-def _head_at_rest(rig, bone):
-    return rig.matrix_world @ bone.bone.head_local
-
-
-def at_rest(constraint):
-    """World matrix of what a constraint looks at, its bones at rest."""
-    seen = constraint.target
-    bone = seen.data.bones.get(constraint.subtarget) if seen.type == "ARMATURE" else None
-    if bone is None:
-        return seen.matrix_world.copy()
-    along = getattr(constraint, "head_tail", 0.0) * bone.length
-    return seen.matrix_world @ bone.matrix_local @ Matrix.Translation((0.0, along, 0.0))
 
 
 @contextmanager

@@ -5,7 +5,8 @@ import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
-from .armatures import at_rest, fitted_rig, hold_still
+from .armatures import fitted_rig, hold_still
+from .constraints import at_rest
 from .copies import MADE_FOR, MADE_FROM, comes_from, meant_by, object_copy
 from .weights import rigs
 

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Joints of the source's rig, placed in the target by the surface around them."""
+"""Bones of the source's rig, placed in the target: by the surface around their joints, or by other bones."""
+
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -9,38 +11,230 @@ from .weights import read_weights
 
 # Ends of bones nearer than this share of the rig's size are one joint.
 SAME_JOINT = 1e-5
+# A bone holds the surface that moves so many vertices by more than this weight.
+FEWEST_VERTICES, LEAST_WEIGHT = 3, 0.01
+# A bone grows at most so many times more or less than its surroundings.
+MOST_GROWTH = 2.0
+# Cosine from which on two bones with one head run along each other.
+PARALLEL = 0.99999
+# What stands near to a root, as a share of the rig's size.
+SURROUNDINGS = 0.05
 # A joint of bones without a side lies in the mirror if fitted nearer to it than this share of the rig's size.
 IN_THE_MIDDLE = 0.02
+TINY = float(np.finfo(float).tiny)
 
 
-def fitted_joints(route, rig):
-    """Fitted joints (positions, turns, scales in the target's space), and the joints of each bone's ends."""
-    to_source = np.array(route.source_to_world.inverted_safe() @ rig.matrix_world)
-    bones = list(rig.data.bones)
-    ends = np.array([[bone.head_local, bone.tail_local] for bone in bones], np.float64).reshape(-1, 3)
-    ends = ends @ to_source[:3, :3].T + to_source[:3, 3]
-    size = np.ptp(ends, axis=0).max()
-    _, first, joint = np.unique(
-        np.round(ends / max(size * SAME_JOINT, 1e-12)), axis=0, return_index=True, return_inverse=True
-    )
-    joint = joint.reshape(-1, 2)
-    fitted = route.map_as_seen.joints(ends[first], _influence(route.body, bones, joint))
-    if len(route.target_mirrors) == 1:
+@dataclass(frozen=True)
+class Placed:
+    """A bone in the target's coordinates as seen: its ends, its axes (3, 3) and how much larger it is there.
+
+    `turn` (3, 3) takes directions of the source to those of the target, mirroring if the map does. `firm` are
+    bones placed by the surface, or with such bones.
+    """
+
+    head: np.ndarray
+    tail: np.ndarray
+    axes: np.ndarray
+    turn: np.ndarray
+    scale: float
+    firm: bool = True
+
+
+class _Bones:
+    """The bones of a rig as the source's surface sees them: their ends (2, 3) and axes, by number.
+
+    Ends in one place are one joint: `joint` (bones, 2) are those of each bone, `places` where they are.
+    """
+
+    def __init__(self, route, rig):
+        to_source = np.array(route.source_to_world.inverted_safe() @ rig.matrix_world)
+        self.rig, self.list = rig, list(rig.data.bones)
+        self.number = {bone.name: number for number, bone in enumerate(self.list)}
+        ends = np.array([[bone.head_local, bone.tail_local] for bone in self.list], np.float64)
+        self.ends = ends @ to_source[:3, :3].T + to_source[:3, 3]
+        ups = np.array([bone.matrix_local.col[2][:3] for bone in self.list]) @ to_source[:3, :3].T
+        self.axes = [_axes(tail - head, up) for (head, tail), up in zip(self.ends, ups, strict=True)]
+        self.lengths = np.maximum(np.linalg.norm(self.ends[:, 1] - self.ends[:, 0], axis=1), TINY)
+        self.size = np.ptp(self.ends.reshape(-1, 3), axis=0).max()
+        flat = np.round(self.ends.reshape(-1, 3) / max(self.size * SAME_JOINT, 1e-12))
+        _, first, joint = np.unique(flat, axis=0, return_index=True, return_inverse=True)
+        self.joint, self.places = joint.reshape(-1, 2), self.ends.reshape(-1, 3)[first]
         axes = to_source[:3, :3]
-        turned_over = axes @ np.diag((-1.0, 1.0, 1.0)) @ np.linalg.inv(axes)
-        fitted = _on_both_halves(route, ends[first], _partners(bones, joint), turned_over, fitted)
-    return fitted, joint
+        self.turned_over = axes @ np.diag((-1.0, 1.0, 1.0)) @ np.linalg.inv(axes)
 
 
-def _partners(bones, joint):
-    """The joint of the other side for each joint, by the names of bones; -1 where these have no side."""
-    partner = np.full(joint.max() + 1, -1)
-    ends_of = {bone.name: ends for bone, ends in zip(bones, joint, strict=True)}
-    for name, ends in ends_of.items():
-        other = flip_name(name, ends_of)
-        if other != name and other in ends_of:
-            partner[ends] = ends_of[other]
-    return partner
+def fitted_bones(route, rig):
+    """Every bone of a rig, `Placed` in the target, by name.
+
+    Joints of bones that hold the surface go where the similarity of the surface around them takes them. Other
+    bones keep how they stand to a bone that is placed: one with the same head, one that ends there, the
+    nearest one above them, or one that they lead by a constraint; what is left goes with the whole body. What
+    was one joint stays one, unless a bone runs along another.
+    """
+    bones = _Bones(route, rig)
+    rows = _influence(route.body, bones)
+    known = np.array([len(row[0]) > 0 for row in rows])
+    if not known.any():
+        # Nothing holds the surface: every vertex counts for every joint.
+        known[:] = True
+    found = route.map_as_seen.joints(bones.places[known], [rows[joint] for joint in np.flatnonzero(known)])
+    if len(route.target_mirrors) == 1:
+        partner = _partners(bones, known)
+        found = _on_both_halves(route, bones.places[known], partner, bones.turned_over, found)
+    joints = {joint: values for joint, *values in zip(np.flatnonzero(known).tolist(), *found, strict=True)}
+    settled = {joint: np.array(position) for joint, (position, _, _) in joints.items()}
+    placed = {}
+    for number, bone in enumerate(bones.list):
+        head, tail = bones.joint[number].tolist()
+        if head in joints and tail in joints and head != tail:
+            placed[bone.name] = _between(bones, number, joints[head], settled[tail])
+    _place_others(route, bones, placed, settled)
+    return placed
+
+
+def _between(bones, number, begin, tail):
+    """A bone between two joints, turned about itself as the surface around its head."""
+    head, turn, scale = (np.array(value) for value in begin)
+    axes = _axes(tail - head, turn @ bones.axes[number][:, 2])
+    grown = np.linalg.norm(tail - head) / bones.lengths[number]
+    grown = float(np.clip(grown, scale / MOST_GROWTH, scale * MOST_GROWTH))
+    return Placed(head, tail, axes, _turned(axes, bones.axes[number], turn), grown)
+
+
+def _axes(along, up):
+    """Axes (3, 3) of a bone, y along it and z as near to `up` as can be."""
+    y = along / max(np.linalg.norm(along), TINY)
+    z = up - (up @ y) * y
+    if np.linalg.norm(z) < 1e-9 * np.linalg.norm(up):
+        across = np.eye(3)[np.abs(y).argmin()]
+        z = across - (across @ y) * y
+    z = z / np.linalg.norm(z)
+    return np.stack([np.cross(y, z), y, z], axis=1)
+
+
+def _turned(axes, before, turn):
+    """What takes a bone's axes to those that it got, mirroring if `turn` does."""
+    return axes @ np.diag((np.sign(np.linalg.det(turn)), 1.0, 1.0)) @ before.T
+
+
+def _place_others(route, bones, placed, settled):
+    """Place the bones that are not yet, each by one that is; joints that are `settled` stay."""
+    led, whole = _led(bones.rig), None
+    pending = [bone for bone in bones.list if bone.name not in placed]
+    pending.sort(key=lambda bone: len(bone.parent_recursive))
+    while pending:
+        left = []
+        for bone in pending:
+            by = _firm_one(bones, placed, led, bone)
+            if by is None:
+                left.append(bone)
+            else:
+                placed[bone.name] = _beside(bones, placed[by], bones.number[by], bone, settled)
+        if len(left) == len(pending):
+            # Nothing firm is near: the topmost bone goes with what is above it, or with the body.
+            bone = left.pop(0)
+            by = next((above.name for above in bone.parent_recursive if above.name in placed), None)
+            if by is None:
+                whole = whole or _whole_body(route)
+                placed[bone.name] = _with_body(bones, bone, whole, settled)
+            else:
+                placed[bone.name] = _beside(bones, placed[by], bones.number[by], bone, settled)
+        pending = left
+
+
+def _firm_one(bones, placed, led, bone):
+    """The bone, placed by the surface, by which another one is placed, or None."""
+    own = bones.number[bone.name]
+    firm = [name for name, each in placed.items() if each.firm]
+    beside = [name for name in firm if bones.joint[bones.number[name], 0] == bones.joint[own, 0]]
+    if beside:
+
+        def unlike(name):
+            """How little two bones of one head point alike and, in steps of that, are alike in length."""
+            other = bones.number[name]
+            cosine = round(float(bones.axes[own][:, 1] @ bones.axes[other][:, 1]), 3)
+            return -cosine, abs(np.log(bones.lengths[own] / bones.lengths[other]))
+
+        return min(beside, key=unlike)
+    above = [each.name for each in bone.parent_recursive]
+    ending = [name for name in firm if bones.joint[bones.number[name], 1] == bones.joint[own, 0]]
+    ways = ([name for name in above[:1] if name in ending], ending, above, led.get(bone.name, ()))
+    return next((name for way in ways for name in way if name in placed and placed[name].firm), None)
+
+
+def _led(rig):
+    """For each bone those whose constraints look at it."""
+    led = {}
+    for bone in rig.pose.bones:
+        for constraint in bone.constraints:
+            looks = getattr(constraint, "targets", None) or [constraint]
+            names = [look.subtarget for look in looks if getattr(look, "target", None) == rig]
+            if getattr(constraint, "pole_target", None) == rig:
+                names.append(constraint.pole_subtarget)
+            for name in names:
+                led.setdefault(name, []).append(bone.name)
+    return led
+
+
+def _beside(bones, by, other, bone, settled):
+    """A bone that keeps how it stands to another one, number `other`, which is placed as `by`."""
+    own = bones.number[bone.name]
+    # From that end of the other one which is nearer.
+    near = np.linalg.norm(bones.ends[other] - bones.ends[own, 0], axis=1).argmin()
+    anchor, there = bones.ends[other, near], (by.head, by.tail)[near]
+    moved = [there + by.scale * by.turn @ (end - anchor) for end in bones.ends[own]]
+    one_head = bones.joint[own, 0] == bones.joint[other, 0]
+    parallel = one_head and bones.axes[own][:, 1] @ bones.axes[other][:, 1] > PARALLEL
+    return _settle(bones, own, moved, by.turn, by.scale, by.firm, settled, parallel)
+
+
+def _settle(bones, own, moved, turn, scale, firm, settled, parallel=False):
+    """A bone whose ends were moved, but for joints that are settled; what it ends in is settled then.
+
+    One that runs along another keeps its direction.
+    """
+    head, tail = bones.joint[own].tolist()
+    begin = settled.setdefault(head, moved[0])
+    end = begin + moved[1] - moved[0]
+    end = end if parallel else settled.setdefault(tail, end)
+    axes = _axes(end - begin, turn @ bones.axes[own][:, 2])
+    return Placed(begin, end, axes, _turned(axes, bones.axes[own], turn), scale, firm)
+
+
+def _whole_body(route):
+    """Images and vertices of the target, and the similarity between them all: its turn and scale."""
+    target = route.target_points @ route.target_stretch
+    points = route.source_points @ route.source_stretch
+    images = image_points(points, route.triangles, route.face, route.barycentric)
+    middles = images.mean(axis=0), target.mean(axis=0)
+    left, values, right = np.linalg.svd((target - middles[1]).T @ (images - middles[0]))
+    mirrored = np.linalg.det(route.map_as_seen.frames[0][0]) < 0.0
+    side = np.sign([1.0, 1.0, np.linalg.det(left @ right) * (-1.0 if mirrored else 1.0)])
+    spread = max(((images - middles[0]) ** 2).sum(), TINY)
+    return images, target, (left * side) @ right, float((values * side).sum() / spread)
+
+
+def _with_body(bones, bone, whole, settled):
+    """A bone that goes with the whole body, from the nearest part of it: a root stays on the ground."""
+    images, target, turn, scale = whole
+    own = bones.number[bone.name]
+    away = np.linalg.norm(images - bones.ends[own, 0], axis=1)
+    near = np.exp(-((away - away.min()) ** 2) / (2.0 * (SURROUNDINGS * bones.size) ** 2))
+    near /= near.sum()
+    moved = [near @ target + scale * turn @ (end - near @ images) for end in bones.ends[own]]
+    return _settle(bones, own, moved, turn, scale, False, settled)
+
+
+def _partners(bones, known):
+    """The joint of the other side for each known joint, by names of bones; -1 where these have no side."""
+    partner = np.full(len(known), -1)
+    joints = {bone.name: ends for bone, ends in zip(bones.list, bones.joint, strict=True)}
+    for name, ends in joints.items():
+        other = flip_name(name, joints)
+        if other != name and other in joints:
+            partner[ends] = joints[other]
+    place = np.where(known, np.cumsum(known) - 1, -1)
+    return np.where(partner[known] >= 0, place[partner[known]], -1)
 
 
 def _on_both_halves(route, ends, partner, turned_over, fitted):
@@ -72,22 +266,26 @@ def _on_both_halves(route, ends, partner, turned_over, fitted):
     return positions, turns, scales
 
 
-def _influence(source, bones, joint):
-    """For each joint the vertices that its bones move, with their weights; parents count at a bone's head."""
+def _influence(source, bones):
+    """For each joint the vertices that move with the bones there, with their weights; none for other joints.
+
+    At the head of a bone that holds the surface its parent counts too.
+    """
     vertex, group, weight = read_weights(source)
     order = np.argsort(group, kind="stable")
     bounds = np.searchsorted(group[order], np.arange(len(source.vertex_groups) + 1))
     moved = {
         held.name: (vertex[order[a:b]], weight[order[a:b]])
         for held, a, b in zip(source.vertex_groups, bounds[:-1], bounds[1:], strict=True)
-        if b > a
+        if np.count_nonzero(weight[order[a:b]] > LEAST_WEIGHT) >= FEWEST_VERTICES
     }
-    at = [set() for _ in range(joint.max() + 1)]
-    for bone, (head, tail) in zip(bones, joint, strict=True):
-        at[head].add(bone.name)
-        at[tail].add(bone.name)
-        if bone.parent is not None:
-            at[head].add(bone.parent.name)
+    at = [set() for _ in bones.places]
+    for bone, (head, tail) in zip(bones.list, bones.joint, strict=True):
+        if bone.name in moved:
+            at[head].add(bone.name)
+            at[tail].add(bone.name)
+            if bone.parent is not None:
+                at[head].add(bone.parent.name)
     rows = []
     for around in at:
         found = [moved[name] for name in sorted(around) if name in moved]

@@ -4,7 +4,7 @@
 import numpy as np
 
 from .copies import comes_from
-from .joints import fitted_joints
+from .joints import fitted_bones
 from .weights import armature_modifiers, read_weights, rigs
 
 AUTO, REPLACE, KEEP = "AUTO", "REPLACE", "KEEP"
@@ -151,9 +151,10 @@ def _nearness(route, names, bones):
     ends = np.array([places[bone] for bone in bones])
     length = np.maximum(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), np.finfo(float).tiny)
     for rig in rigs(route.source):
-        (positions, _, _), joint = fitted_joints(route, rig)
-        called = [route.sides.of(bone.name) for bone in rig.data.bones]
-        fitted = dict(zip(called, np.array(positions)[joint], strict=True))
+        fitted = {
+            route.sides.of(name): np.array([bone.head, bone.tail])
+            for name, bone in fitted_bones(route, rig).items()
+        }
         for number, name in enumerate(names):
             if name in fitted:
                 away = np.linalg.norm(ends - fitted[name], axis=2).mean(axis=1)

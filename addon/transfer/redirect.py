@@ -66,9 +66,8 @@ def redirect(route, routes):
     # Copies that were just hung are in their places from here.
     bpy.context.view_layer.update()
     mesh_read.place(bpy.context, [own for _, own in fitted] + copies)
-    for rig, own in fitted:
-        if rig.name in route.wanted[armatures.KIND.identifier]:
-            armatures.fit_constraints(rig, own, route.sides)
+    for finish in route.fitted:
+        finish()
 
 
 def _with_data(before, after):

@@ -33,6 +33,8 @@ class Route:
     def __init__(self, target, view):
         self.view, self.source, self.body, self.target = view, view.object, view.body, target
         self.targets = [target]
+        # What is done with fitted rigs once all copies look at one another.
+        self.fitted = []
         self.wanted, self.sides, self.uv_names, self.prepared = {}, Sides(), {}, []
         self.triangle_corners, self.triangle_faces = view.triangle_corners, view.triangle_faces
         self.triangles = mesh_read.corner_vertices(self.body.data)[self.triangle_corners]

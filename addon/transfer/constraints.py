@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Constraints of a fitted rig: what they store, and bones that they would move at rest."""
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+# Rounds in which bones that constraints lead come to rest.
+ROUNDS = 4
+# A bone rests that is turned by less than this, radians, and moved by less than this share of its length.
+TURNED, MOVED = 2e-3, 2e-3
+
+
+def fit_constraints(rig, own, named):
+    """Lengths, angles and matrices that constraints of the rig store, as fitted bones have them at rest."""
+    for bone in rig.pose.bones:
+        fitted = own.pose.bones[named[bone.name]]
+        for constraint in bone.constraints:
+            copy = fitted.constraints.get(constraint.name)
+            if copy is None or getattr(copy, "target", None) is None or constraint.target is None:
+                continue
+            there, here = at_rest(constraint), at_rest(copy)
+            if constraint.type == "CHILD_OF" and constraint.inverse_matrix != Matrix():
+                copy.inverse_matrix = here.inverted_safe() @ there @ constraint.inverse_matrix
+            if constraint.type == "IK" and constraint.pole_target and copy.pole_target:
+                turned = _pole(copy, fitted, own) - _pole(constraint, bone, rig)
+                copy.pole_angle = constraint.pole_angle + turned
+            length = {"STRETCH_TO": "rest_length", "LIMIT_DISTANCE": "distance"}.get(constraint.type)
+            if length is not None:
+                before = (there.translation - _head_at_rest(rig, bone)).length
+                after = (here.translation - _head_at_rest(own, fitted)).length
+                if before > 0.0:
+                    setattr(copy, length, getattr(constraint, length) * after / before)
+
+
+def _head_at_rest(rig, bone):
+    return rig.matrix_world @ bone.bone.head_local
+
+
+def at_rest(constraint):
+    """World matrix of what a constraint looks at, its bones at rest."""
+    seen = constraint.target
+    bone = seen.data.bones.get(constraint.subtarget) if seen.type == "ARMATURE" else None
+    if bone is None:
+        return seen.matrix_world.copy()
+    along = getattr(constraint, "head_tail", 0.0) * bone.length
+    return seen.matrix_world @ bone.matrix_local @ Matrix.Translation((0.0, along, 0.0))
+
+
+def _pole(constraint, bone, rig):
+    """The angle about the limb from the x axis of its first bone to its pole, all bones at rest."""
+    chain = [bone, *bone.parent_recursive]
+    first = (chain[: constraint.chain_count] if constraint.chain_count else chain)[-1].bone
+    tip = bone.bone.tail_local if constraint.use_tail else bone.bone.head_local
+    seen = constraint.pole_target
+    there = seen.matrix_world
+    if seen.type == "ARMATURE" and constraint.pole_subtarget in seen.data.bones:
+        there = there @ seen.data.bones[constraint.pole_subtarget].matrix_local
+    to_pole = rig.matrix_world.inverted_safe() @ there.translation - first.head_local
+    along = first.tail_local - first.head_local
+    towards = (tip - first.head_local).cross(to_pole).cross(along)
+    across = first.matrix_local.to_3x3().col[0]
+    angle = across.angle(towards, 0.0)
+    return -angle if across.cross(towards).dot(along) < 0.0 else angle
+
+
+def settle(rig, own, named, held, editing):
+    """Let the fitted rig rest under its constraints as the source's does; whether any bone was laid anew.
+
+    Bones that are led by constraints are laid where these hold them while all else rests: first those that
+    hold no surface, as the mechanism of generated rigs, which moves nothing that hangs on them, and then what
+    is left. `editing` opens a rig's edit mode.
+    """
+    if not any(bone.constraints for bone in rig.pose.bones):
+        return False
+    resting = {named[name] for name, matrix in _off(rig).items() if matrix is None}
+    led = {
+        named[bone.name]: bone.name in held
+        for bone in rig.pose.bones
+        if any(constraint.type != "IK" and not constraint.mute for constraint in bone.constraints)
+    }
+    free = {name for name, holds in led.items() if not holds}
+    changed = False
+    for names in (free & resting, led.keys() & resting):
+        for _ in range(ROUNDS):
+            moved = {name: at for name, at in _off(own).items() if at is not None and name in names}
+            if not moved:
+                break
+            with editing(own):
+                _lay(own.data.edit_bones, moved)
+            changed = True
+    return changed
+
+
+def _lay(bones, places):
+    """Lay edit bones as these matrices are, in their own lengths, those above first."""
+    for name in sorted(places, key=lambda name: len(bones[name].parent_recursive)):
+        bone, length, matrix = bones[name], bones[name].length, places[name].normalized()
+        bone.head = matrix.translation
+        bone.tail = matrix.translation + length * matrix.col[1].to_3d()
+        bone.align_roll(matrix.col[2].to_3d())
+
+
+def _off(rig):
+    """For each bone where constraints hold it while all bones are in their places, None where it rests."""
+    probe = rig.copy()
+    probe.animation_data_clear()
+    held = bpy.context.scene.collection.objects
+    held.link(probe)
+    probe.hide_viewport = False
+    try:
+        for bone in probe.pose.bones:
+            bone.matrix_basis = Matrix()
+            for constraint in bone.constraints:
+                for look in [constraint, *getattr(constraint, "targets", ())]:
+                    for name in ("target", "pole_target", "space_object"):
+                        if getattr(look, name, None) == rig:
+                            setattr(look, name, probe)
+        shown = probe.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        return {bone.name: _moved(bone) for bone in shown.pose.bones}
+    finally:
+        held.unlink(probe)
+        bpy.data.objects.remove(probe)
+
+
+def _moved(bone):
+    """The matrix of a posed bone in its rig where it is another one than at rest, else None."""
+    rest, posed = bone.bone.matrix_local, bone.matrix
+    turned = rest.to_quaternion().rotation_difference(posed.to_quaternion()).angle
+    turned = min(turned, 2.0 * np.pi - turned)
+    away = (posed.translation - rest.translation).length
+    return posed.copy() if turned > TURNED or away > MOVED * bone.bone.length else None
