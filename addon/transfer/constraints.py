@@ -48,7 +48,11 @@ def at_rest(constraint):
 
 
 def _pole(constraint, bone, rig):
-    """The angle about the limb from the x axis of its first bone to its pole, all bones at rest."""
+    """The pole angle at which a limb would rest, all bones at rest.
+
+    The solver turns the limb about the line from its root to its tip until the direction at the pole angle,
+    from the x axis of the first bone to its z axis, lies in the plane of that line and the pole.
+    """
     chain = [bone, *bone.parent_recursive]
     first = (chain[: constraint.chain_count] if constraint.chain_count else chain)[-1].bone
     tip = bone.bone.tail_local if constraint.use_tail else bone.bone.head_local
@@ -57,11 +61,11 @@ def _pole(constraint, bone, rig):
     if seen.type == "ARMATURE" and constraint.pole_subtarget in seen.data.bones:
         there = there @ seen.data.bones[constraint.pole_subtarget].matrix_local
     to_pole = rig.matrix_world.inverted_safe() @ there.translation - first.head_local
-    along = first.tail_local - first.head_local
-    towards = (tip - first.head_local).cross(to_pole).cross(along)
-    across = first.matrix_local.to_3x3().col[0]
-    angle = across.angle(towards, 0.0)
-    return -angle if across.cross(towards).dot(along) < 0.0 else angle
+    line = (tip - first.head_local).normalized()
+    x, _, z = first.matrix_local.to_3x3().col
+    normal, up = line.cross(to_pole), to_pole - to_pole.project(line)
+    angle = np.arctan2(-x.dot(normal), z.dot(normal))
+    return angle if (x * np.cos(angle) + z * np.sin(angle)).dot(up) >= 0.0 else angle + np.pi
 
 
 def settle(rig, own, named, held, editing):
@@ -93,12 +97,20 @@ def settle(rig, own, named, held, editing):
 
 
 def _lay(bones, places):
-    """Lay edit bones as these matrices are, in their own lengths, those above first."""
+    """Lay edit bones as these matrices are, as long as they stretch them, those above first.
+
+    Others that begin where one of them ends stay, and it ends there.
+    """
     for name in sorted(places, key=lambda name: len(bones[name].parent_recursive)):
-        bone, length, matrix = bones[name], bones[name].length, places[name].normalized()
+        bone, matrix = bones[name], places[name].normalized()
+        length = bone.length * places[name].col[1].to_3d().length
+        joined = [child for child in bone.children if child.use_connect and child.name not in places]
+        heads = [child.head.copy() for child in joined]
         bone.head = matrix.translation
         bone.tail = matrix.translation + length * matrix.col[1].to_3d()
         bone.align_roll(matrix.col[2].to_3d())
+        for child, head in zip(joined, heads, strict=True):
+            child.head = head
 
 
 def _off(rig):

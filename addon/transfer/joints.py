@@ -68,8 +68,8 @@ def fitted_bones(route, rig):
 
     Joints of bones that hold the surface go where the similarity of the surface around them takes them. Other
     bones keep how they stand to a bone that is placed: one with the same head, one that ends there, the
-    nearest one above them, or one that they lead by a constraint; what is left goes with the whole body. What
-    was one joint stays one, unless a bone runs along another.
+    nearest one above them, or the nearest that they lead by a constraint; what is left goes with the whole
+    body. What was one joint stays one, unless a bone runs along another.
     """
     bones = _Bones(route, rig)
     rows = _influence(route.body, bones)
@@ -158,8 +158,22 @@ def _firm_one(bones, placed, led, bone):
         return min(beside, key=unlike)
     above = [each.name for each in bone.parent_recursive]
     ending = [name for name in firm if bones.joint[bones.number[name], 1] == bones.joint[own, 0]]
-    ways = ([name for name in above[:1] if name in ending], ending, above, led.get(bone.name, ()))
+    # A control of the trunk leads limbs too: what it leads nearby, and on its side, tells where it is.
+    leads = sorted(
+        led.get(bone.name, ()),
+        key=lambda name: (_has_side(name, bones) != _has_side(bone.name, bones), _gap(bones, name, own)),
+    )
+    ways = ([name for name in above[:1] if name in ending], ending, above, leads)
     return next((name for way in ways for name in way if name in placed and placed[name].firm), None)
+
+
+def _has_side(name, bones):
+    return flip_name(name, bones.number) != name
+
+
+def _gap(bones, name, own):
+    """From the head of a bone to the nearer end of another."""
+    return np.linalg.norm(bones.ends[bones.number[name]] - bones.ends[own, 0], axis=1).min()
 
 
 def _led(rig):
