@@ -9,6 +9,7 @@ from . import (
     character,
     command_line,
     manual,
+    menus,
     notice,
     operators,
     overlay,
@@ -41,6 +42,7 @@ def register():
         getattr(bpy.app.handlers, moment).append(handler)
     overlay.register()
     manual.register()
+    menus.register()
     command_line.register()
     # Blender disables add-ons when it ends, but as a Python module it knows only those that it enabled. It
     # cannot free classes, properties and commands after Python has ended: it crashes, or waits for ever.
@@ -51,6 +53,7 @@ def unregister():
     atexit.unregister(unregister)
     step.end_all(bpy.context)
     command_line.unregister()
+    menus.unregister()
     manual.unregister()
     overlay.unregister()
     for moment, handler in reversed(_HANDLERS):

@@ -453,13 +453,14 @@ def _pair(context, job, request, source, target):
                 "mean_confidence": stored.mean_confidence,
             }
         if request.transfer:
-            entry["notes"] += carry(
+            going = carry(
                 context,
                 source,
                 matched or target.pieces,
                 context.scene.spectral_match,
                 lambda kind, _name: kind.identifier in job.kinds,
             )
+            entry["notes"] += value_of(going).notes
             entry["transferred"] = sorted(job.kinds)
         entry["status"] = "done"
     except (UnusableObjectError, core.CoreMissingError, RuntimeError) as reason:

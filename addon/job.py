@@ -11,9 +11,13 @@ from .mesh_read import matched_bodies
 
 # The core's stages in an artist's words; one that is not here is shown by its own name.
 STAGE_WORDS = {
-    "eigenpairs": "eigenfunctions",
-    "sampling": "sample points",
-    "geodesics": "distances along the surface",
+    "reading": "reading",
+    "operator": "looking at the surface",
+    "eigenpairs": "learning the shape",
+    "sampling": "choosing points",
+    "geodesics": "measuring distances",
+    "envelope": "closing the figure",
+    "landmarks": "Following landmarks",
     "search": "Searching maps",
     "selection": "Comparing maps",
     "refinement": "Refining the map",
@@ -60,11 +64,13 @@ class Failed:
 class Job:
     """Something long. `run` works in the calling thread, `start` in one of its own.
 
-    `stage`, `fraction`, `seconds` and `finished` may be read at any time. After the end, when neither `error`
-    nor `cancelled` is set, the results are there; `notes` are warnings in words.
+    `stage`, `fraction`, `seconds` and `finished` may be read at any time. While one that `blocks` is at
+    it the window does nothing else. After the end, when neither `error` nor `cancelled` is set, the
+    results are there; `notes` are warnings in words.
     """
 
     stage: str = field(default="Starting", init=False)
+    blocks: bool = field(default=False, init=False)
     fraction: float = field(default=0.0, init=False)
     finished: bool = field(default=False, init=False)
     cancelled: bool = field(default=False, init=False)

@@ -2,6 +2,7 @@
 """Right-click ▸ Online Manual on a button leads to its panel's page, where the zip names a website."""
 
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import bpy
@@ -14,22 +15,36 @@ PAGES = {
     ),
     "result": ("show", "lines", "morph"),
     "fix": ("alternative", "swap_sides", "pick_landmarks", "remove_landmark", "go_to_landmark"),
-    "transfer": ("transfer", "toggle_item"),
+    "transfer": ("transfer", "toggle_item", "choose_items"),
     "batch": ("batch",),
     "preferences": ("clear_cache",),
 }
 
 
+@cache
+def website():
+    """Where the manual is, with a slash at the end, or "" where the zip names none."""
+    manifest = tomllib.loads((Path(__file__).parent / "blender_manifest.toml").read_text(encoding="utf-8"))
+    address = manifest.get("website", "").rstrip("/")
+    return address and f"{address}/"
+
+
 def pages():
     """What Blender asks for: a prefix, and (pattern of an operator, rest of the address)."""
-    manifest = tomllib.loads((Path(__file__).parent / "blender_manifest.toml").read_text(encoding="utf-8"))
     names = [
         (f"bpy.ops.spectral_match.{name}*", f"{page}.html")
         for page, operators in PAGES.items()
         for name in operators
     ]
-    website = manifest.get("website")
-    return (website.rstrip("/") + "/", tuple(names)) if website else ("", ())
+    return (website(), tuple(names)) if website() else ("", ())
+
+
+def draw_links(layout):
+    """Buttons to the manual and to the page for reports; none where the zip names no website."""
+    if website():
+        row = layout.row(align=True)
+        row.operator("wm.url_open", text="Documentation", icon="HELP").url = f"{website()}index.html"
+        row.operator("wm.url_open", text="Report a Bug", icon="URL").url = f"{website()}report.html"
 
 
 def register():

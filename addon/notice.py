@@ -1,9 +1,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The last failure in words. The status bar forgets it; the panel shows it until the next step succeeds."""
+"""What the last step said. The status bar forgets it; the panel shows it until the next step."""
 
 from bpy.app.handlers import persistent
 
+# A failure or warnings, a line each.
 words = ""
+# What a transfer brought; `words` is then what needs a look. And which of the scene's transfers it was.
+done = ""
+transfer = 0
 
 
 def say(text):
@@ -11,7 +15,17 @@ def say(text):
     words = text
 
 
+def finish(context, summary, notes):
+    """A transfer is done: what it brought and, in `notes`, what needs a look."""
+    global done, transfer
+    context.scene.spectral_match.transfers += 1
+    done, transfer = summary, context.scene.spectral_match.transfers
+    say("\n".join(notes))
+
+
 def clear():
+    global done
+    done = ""
     say("")
 
 

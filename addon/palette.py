@@ -20,6 +20,9 @@ _RGB_FROM_CONES = np.array(
 )
 # Hue runs over less than a full turn, so that head and feet do not meet in one colour.
 FIRST_HUE, LAST_HUE = np.radians(285.0), np.radians(-15.0)
+# From right to left the hue turns by so much, within this share of the width: a limb on the other
+# side has another colour.
+SIDE_HUE, SIDE_BAND = np.radians(110.0), 0.2
 DARKEST, LIGHTEST = 0.54, 0.90
 DULLEST, STRONGEST = 0.07, 0.19
 
@@ -34,13 +37,16 @@ def surface_colours(points):
     """Smooth colouring of a surface, (n, 3) points to (n, 4) linear RGBA.
 
     The longest side of the bounding box runs through the hues, the second through lightness, the shortest
-    through strength of colour, so that left differs from right, front from back and top from bottom.
+    through strength of colour, so that front differs from back and top from bottom. Left and right, along x
+    whichever axis points up, differ in hue besides.
     """
     low, high = points.min(axis=0), points.max(axis=0)
     extent = high - low
     share = (points - low) / np.where(extent > 0.0, extent, 1.0)
     long, middle, short = np.argsort(-extent, kind="stable")
     hue = FIRST_HUE + (LAST_HUE - FIRST_HUE) * share[:, long]
+    side = np.clip((share[:, 0] - 0.5) / SIDE_BAND + 0.5, 0.0, 1.0)
+    hue += SIDE_HUE * side * side * (3.0 - 2.0 * side)
     lightness = DARKEST + (LIGHTEST - DARKEST) * share[:, middle]
     strength = DULLEST + (STRONGEST - DULLEST) * share[:, short]
     lab = np.stack([lightness, strength * np.cos(hue), strength * np.sin(hue)], axis=1)

@@ -1,20 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar tab Match: the workflow from top to bottom. Panels only draw."""
 
-import blf
 import bpy
 from bl_ui.utils import PresetPanel
 from bpy.types import Panel, UIList
 
 from . import job as job_module
-from . import landmarks, morph, notice, overlay, pair, stored_match
-from .character import is_there
+from . import landmarks, manual, morph, notice, overlay, pair, stored_match, transfer_panel, wording
+from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_words, fold
 from .operators import pick, show
 from .operators.settings import PRESETS
-from .transfer import KINDS, names_of
 
 GRADE_ICONS = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
-GRADE_WORDS = {"green": "Good match", "amber": "Check this match", "red": "Poor match"}
 SWAPPED = "Left and right are swapped, as you asked"
 # What to do about it, by grade.
 ADVICE = {
@@ -23,41 +20,11 @@ ADVICE = {
     "red": "Try the other maps, then landmarks on hands, feet and head",
 }
 SWAP_BACK = "Press Swap Left and Right again to go back"
+LEGEND = "Equal colors belong together. Left and right have other hues"
 # More results than these are listed a line each.
 MOST_BOXES = 3
 # Pieces of a character that are listed without scrolling.
 MOST_ROWS = 8
-# Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
-PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 60, 10, 20
-# The button that hides a message, with the gap before it.
-CROSS_WIDTH = 34
-BIG = 1.6
-
-
-def wrapped(text, fits):
-    """Split words into lines of which `fits(line)` holds, because labels do not wrap."""
-    lines, line = [], ""
-    for word in text.split():
-        longer = f"{line} {word}".strip()
-        if line and not fits(longer):
-            lines.append(line)
-            line = word
-        else:
-            line = longer
-    return [*lines, line] if line else lines
-
-
-def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, beside=0):
-    """Several lines of text that fit into the sidebar, the icon first, `beside` pixels to spare."""
-    scale = context.preferences.system.ui_scale
-    margin = PANEL_MARGIN + boxed * BOX_MARGIN + (icon != "NONE") * ICON_WIDTH + beside
-    room = context.region.width - margin * scale
-    blf.size(0, context.preferences.ui_styles[0].widget.points * scale)
-    column = layout.column(align=True)
-    column.scale_y = 0.8
-    column.active = not dim
-    for number, line in enumerate(wrapped(text, lambda line: blf.dimensions(0, line)[0] <= room)):
-        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
 
 
 def state_of(target, source):
@@ -73,12 +40,6 @@ def icon_of(body):
     return f"OUTLINER_OB_{body.owner.type}"
 
 
-class MatchTab:
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
-    bl_category = "Match"
-
-
 class VIEW3D_PT_spectral_match_presets(PresetPanel, Panel):
     bl_label = "Match Presets"
     bl_space_type = "VIEW_3D"
@@ -92,6 +53,7 @@ class VIEW3D_PT_spectral_match_presets(PresetPanel, Panel):
         super().draw(context)
         self.layout.separator()
         self.layout.operator("spectral_match.reset", icon="LOOP_BACK")
+        manual.draw_links(self.layout)
 
 
 class VIEW3D_PT_spectral_match(MatchTab, Panel):
@@ -109,8 +71,8 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         if job is None:
             self._draw_button(layout, settings, found)
         else:
-            self._draw_progress(layout, job)
-        if notice.words:
+            self._draw_progress(context, layout, job)
+        if notice.words and not notice.done:
             box = layout.box()
             row = box.row()
             words = row.column()
@@ -175,7 +137,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             hint.label(text=f"With {count} landmark{'s' if count > 1 else ''}", icon="EMPTY_AXIS")
 
     @staticmethod
-    def _draw_progress(layout, job):
+    def _draw_progress(context, layout, job):
         column = layout.column(align=True)
         bar = column.row()
         bar.scale_y = 1.2
@@ -186,21 +148,12 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         time = stage.row()
         time.alignment = "RIGHT"
         time.label(text=f"{job.seconds:.0f} s")
+        if job.blocks:
+            draw_words(context, layout, "Esc stops it and changes nothing", dim=True)
+            return
         row = layout.row()
         row.scale_y = BIG
         row.operator("spectral_match.cancel", icon="X")
-
-
-class SubPanel(MatchTab):
-    bl_parent_id = "VIEW3D_PT_spectral_match"
-
-
-class MatchedSubPanel(SubPanel):
-    """Drawn only where a target has a match."""
-
-    @classmethod
-    def poll(cls, context):
-        return bool(pair.matched(context))
 
 
 class PiecesList(UIList):
@@ -348,20 +301,22 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
             return
         head = box.row()
         head.alert = stored.grade == "red"
+        reasons, sure = stored.reasons.splitlines(), stored.mean_confidence
         head.label(
-            text=GRADE_WORDS.get(stored.grade, stored.grade), icon=GRADE_ICONS.get(stored.grade, "QUESTION")
+            text=wording.verdict(stored.grade, reasons, sure), icon=GRADE_ICONS.get(stored.grade, "QUESTION")
         )
-        time = head.row()
-        time.alignment = "RIGHT"
-        time.active = False
-        time.label(text=f"{stored.seconds:.1f} s")
-        box.progress(factor=stored.mean_confidence, text=f"Mean Confidence {stored.mean_confidence:.0%}")
+        box.progress(factor=sure, text=f"{sure:.0%} sure")
         if stored.swapped_sides:
             draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
-        for reason in stored.reasons.splitlines():
-            draw_words(context, box, reason[:1].upper() + reason[1:], "DOT", boxed=True)
+        for reason in wording.plain(reasons):
+            draw_words(context, box, reason, "DOT", boxed=True)
         if now.words:
             draw_words(context, box, now.words, "INFO", boxed=True)
+        settings = context.scene.spectral_match
+        fold(box, settings, "open_details", "Details")
+        if settings.open_details:
+            for words in (*reasons, f"matched in {stored.seconds:.1f} s"):
+                draw_words(context, box, words[:1].upper() + words[1:], boxed=True, dim=True)
 
     @staticmethod
     def _draw_show(context, layout, matched):
@@ -374,6 +329,8 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         row.operator("spectral_match.lines", icon="CURVE_PATH", depress=overlay.lines_shown())
         modifier = morph.modifier_of(matched[0])
         row.operator("spectral_match.morph", icon="MOD_SIMPLEDEFORM", depress=modifier is not None)
+        if now == "COLOURS":
+            draw_words(context, layout, LEGEND, dim=True)
         if now == "CONFIDENCE" or overlay.lines_shown():
             draw_words(context, layout, "Blue is sure, yellow is doubtful", dim=True)
         if morph.is_whole(modifier):
@@ -471,69 +428,6 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         go.operator("spectral_match.go_to_landmark", text="Target", icon="VIEWZOOM").end = "TARGET"
 
 
-class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
-    bl_label = "Transfer"
-    bl_order = 3
-
-    def draw(self, context):
-        layout = self.layout
-        settings = context.scene.spectral_match
-        matched, chosen = pair.matched_pieces(context), pair.shown(context).source
-        sources = [obj for target in matched for obj, _, _ in stored_match.sources_of(target)]
-        sources = [obj for obj in dict.fromkeys(sources) if is_there(obj) and obj.type == "MESH"]
-        if not sources:
-            layout.label(text="The source is gone", icon="ERROR")
-            return
-        elsewhere = [stored_match.matched_elsewhere(target, chosen) for target in matched]
-        if all(elsewhere):
-            draw_words(context, layout, elsewhere[0], "ERROR")
-            return
-        column = layout.column(align=True)
-        for kind in KINDS:
-            self._draw_kind(column, settings, kind, names_of(kind, sources))
-        row = layout.row()
-        row.scale_y = BIG
-        row.operator("spectral_match.transfer", icon="IMPORT")
-
-    @staticmethod
-    def _draw_kind(layout, settings, kind, names):
-        use, opened = f"use_{kind.identifier}", f"open_{kind.identifier}"
-        box = layout.box().column(align=True)
-        row = box.row()
-        row.active = bool(names)
-        icon = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
-        row.prop(settings, opened, text="", icon=icon, emboss=False)
-        row.prop(settings, use, text=kind.label)
-        chosen = sum(not settings.skips(kind.identifier, name) for name in names)
-        count = row.row()
-        count.alignment = "RIGHT"
-        count.active = False
-        count.label(text=f"{chosen} / {len(names)}" if names else "none")
-        if not getattr(settings, opened):
-            return
-        items = box.column(align=True)
-        items.active = getattr(settings, use)
-        for name in names:
-            skipped = settings.skips(kind.identifier, name)
-            line = items.row()
-            line.alignment = "LEFT"
-            line.label(text="", icon="BLANK1")
-            button = line.operator(
-                "spectral_match.toggle_item",
-                text=name,
-                icon="CHECKBOX_DEHLT" if skipped else "CHECKBOX_HLT",
-                emboss=False,
-            )
-            button.item = f"{kind.identifier}/{name}"
-        if kind.options:
-            options = box.column()
-            options.use_property_split = True
-            options.use_property_decorate = False
-            options.active = getattr(settings, use)
-            for name in kind.options:
-                options.prop(settings, name)
-
-
 class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
     bl_label = "Batch"
     bl_order = 4
@@ -560,6 +454,6 @@ CLASSES = (
     VIEW3D_PT_spectral_match_options,
     VIEW3D_PT_spectral_match_result,
     VIEW3D_PT_spectral_match_fix,
-    VIEW3D_PT_spectral_match_transfer,
+    *transfer_panel.CLASSES,
     VIEW3D_PT_spectral_match_batch,
 )

@@ -5,6 +5,7 @@ import bpy
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 from bpy.types import AddonPreferences
 
+from . import manual
 from .prepared import Storage
 
 
@@ -80,6 +81,7 @@ class SPECTRAL_MATCH_preferences(AddonPreferences):
         kept.prop(self, "cache_folder", placeholder=own_cache_folder())
         kept.prop(self, "cache_gigabytes")
         column.operator("spectral_match.clear_cache", icon="TRASH")
+        manual.draw_links(layout)
 
 
 class _Defaults:

@@ -142,12 +142,33 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
     )
 
     skipped: CollectionProperty(type=SPECTRAL_MATCH_PG_skipped)
+    item_search: StringProperty(
+        name="Search", description="List only names with these letters", options={"TEXTEDIT_UPDATE"}
+    )
+    item_page: IntProperty(name="Page", default=1, min=1, description="Which part of a long list is shown")
+    open_details: BoolProperty(name="Details", description="Show what the matcher measured")
+    open_notes: BoolProperty(name="Notes", description="Show what needs a look")
+    open_lacking: BoolProperty(name="Lacking", description="Show what the source does not have")
+    transfers: IntProperty(description="How many transfers there were; undo takes them back")
 
     landmarks: CollectionProperty(type=SPECTRAL_MATCH_PG_landmark)
     landmark_index: IntProperty(name="Landmark", description="Chosen pair of landmarks")
 
+    def found(self, names):
+        """Those of these names in which the letters searched for are."""
+        letters = self.item_search.lower()
+        return [name for name in names if letters in name.lower()]
+
     def skips(self, kind, name):
         return self.skipped.find(f"{kind}/{name}") >= 0
+
+    def skip(self, kind, name, skipped):
+        """Leave an item of the source behind, or carry it over."""
+        place = self.skipped.find(f"{kind}/{name}")
+        if skipped and place < 0:
+            self.skipped.add().name = f"{kind}/{name}"
+        elif not skipped and place >= 0:
+            self.skipped.remove(place)
 
 
 CLASSES = (

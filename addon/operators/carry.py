@@ -1,36 +1,55 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Transfer: carry the checked data across stored matches."""
 
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator
 
-from .. import character, core, mesh_read, mesh_write, pair, stored_match
+from .. import character, core, mesh_read, mesh_write, notice, pair, stored_match
+from ..job import Job
 from ..mesh_read import UnusableObjectError
-from ..transfer import KINDS, TransferOptions, carry_all, checked, names_of
+from ..transfer import KINDS, Carried, TransferOptions, carry_all, checked, names_of
+from . import show
+from .running import JobOperator
 from .step import Step, needs_matched
 
 
 def carry(context, source, targets, options, chosen):
-    """`carry_all` in Object Mode to these meshes of a target, from the chosen source or, for None, from the
-    one that they were matched with.
+    """`carry_all`, a generator too, in Object Mode to these meshes of a target, from the chosen source or,
+    for None, from the one that they were matched with.
 
     Raises `UnusableObjectError`, also for what the core refuses; before it leaves the mode, if it can.
     """
     for target in targets:
         mesh_read.check_usable(target, as_target=True)
         stored_match.require(target, source)
-    notes = []
+    brought = Carried()
     for together in stored_match.matched_together(targets):
         sources = [obj for obj, _, _ in stored_match.sources_of(together[0])]
         given = character.of(sources[0]) if len(sources) > 1 else character.alone(sources[0])
         with mesh_write.object_mode(context, [*sources, *together]):
             try:
-                notes += carry_all(together, given.name, options, chosen)
+                brought.add((yield from carry_all(together, given.name, options, chosen)))
             except core.load().SgmdsError as reason:
                 raise UnusableObjectError(
                     f"Nothing was carried from '{given.label}' to '{together[0].name}': {reason}"
                 ) from reason
-    return notes
+    return brought
+
+
+def _of_many(going, number, many):
+    """Steps of one target among several, and their value."""
+    while True:
+        try:
+            share, words = next(going)
+        except StopIteration as end:
+            return end.value
+        yield (number + share) / many, words
+
+
+def _summary(brought, done):
+    """ "Done: 41 groups, rig", to how many targets if to several."""
+    many = f" to {len(done)} {'characters' if max(map(len, done)) > 1 else 'meshes'}" if len(done) > 1 else ""
+    return f"Done{many}: {brought.summary() or 'nothing to carry'}"
 
 
 class GivenOptions:
@@ -44,12 +63,22 @@ class GivenOptions:
         return getattr(self._operator if given else self._settings, name)
 
 
-class SPECTRAL_MATCH_OT_transfer(TransferOptions, Step, Operator):
+class TransferJob(Job):
+    """What a transfer did, which it does in the main thread before."""
+
+    def _work(self, _sgmds):
+        """Nothing is left to do."""
+
+
+class SPECTRAL_MATCH_OT_transfer(TransferOptions, JobOperator, Operator):
     """Carry the checked data from the source to every matched target"""
 
     bl_idname = "spectral_match.transfer"
     bl_label = "Transfer"
     bl_options = {"UNDO"}
+
+    # Nothing may change between its steps.
+    blocks = True
 
     kinds: StringProperty(
         name="Kinds",
@@ -65,25 +94,35 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, Step, Operator):
 
     obstacle = staticmethod(needs_matched)
 
-    def act(self, context):
+    def begin(self, context):
         found = pair.resolve(context)
         settings = context.scene.spectral_match
-        options = GivenOptions(self, settings)
-        chosen = self._choice(settings)
-        notes, carried, most = [], 0, 0
-        for target in found.targets:
+        options, chosen = GivenOptions(self, settings), self._choice(settings)
+        self._brought, self._done, refused = Carried(), [], []
+        for number, target in enumerate(found.targets):
             pieces = pair.matched_of(target) or target.pieces
             try:
                 self._check_items(pieces)
-                notes += carry(context, found.source, pieces, options, chosen)
-                carried, most = carried + 1, max(most, len(pieces))
+                going = carry(context, found.source, pieces, options, chosen)
+                brought = yield from _of_many(going, number, len(found.targets))
             except (UnusableObjectError, core.CoreMissingError) as reason:
-                notes.append(str(reason))
-        if not carried:
-            return self.fail(" ".join(notes))
-        self.warn(notes)
-        what = ("mesh", "meshes") if most == 1 else ("character", "characters")
-        self.report({"INFO"}, f"Transferred to {carried} {what[carried > 1]}")
+                refused.append(str(reason))
+            else:
+                self._brought.add(brought)
+                self._done.append(pieces)
+        if not self._done:
+            raise UnusableObjectError(" ".join(refused))
+        self._brought.notes += refused
+        return TransferJob()
+
+    def conclude(self, context, job):
+        if not self._done:
+            self.report({"INFO"}, "Transfer stopped; nothing was changed")
+            return {"CANCELLED"}
+        done = _summary(self._brought, self._done)
+        show.show_after_transfer(context, [obj for pieces in self._done for obj in pieces], self._brought)
+        self.report({"INFO"}, ("Stopped. " if job.cancelling else "") + done)
+        notice.finish(context, done, self._brought.notes)
         return {"FINISHED"}
 
     def _choice(self, settings):
@@ -132,13 +171,30 @@ class SPECTRAL_MATCH_OT_toggle_item(Step, Operator):
     item: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
     def act(self, context):
-        skipped = context.scene.spectral_match.skipped
-        place = skipped.find(self.item)
-        if place >= 0:
-            skipped.remove(place)
-        else:
-            skipped.add().name = self.item
+        settings = context.scene.spectral_match
+        kind, _, name = self.item.partition("/")
+        settings.skip(kind, name, not settings.skips(kind, name))
         return {"FINISHED"}
 
 
-CLASSES = (SPECTRAL_MATCH_OT_transfer, SPECTRAL_MATCH_OT_toggle_item)
+class SPECTRAL_MATCH_OT_choose_items(Step, Operator):
+    """Carry over, or leave behind, all that the search finds"""
+
+    bl_idname = "spectral_match.choose_items"
+    bl_label = "Choose All or None"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    kind: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    take: BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def act(self, context):
+        settings = context.scene.spectral_match
+        kind = next(kind for kind in KINDS if kind.identifier == self.kind)
+        pieces = pair.matched_pieces(context)
+        sources = dict.fromkeys(obj for piece in pieces for obj, _, _ in stored_match.sources_of(piece))
+        for name in settings.found(names_of(kind, list(filter(character.is_there, sources)))):
+            settings.skip(self.kind, name, not self.take)
+        return {"FINISHED"}
+
+
+CLASSES = (SPECTRAL_MATCH_OT_transfer, SPECTRAL_MATCH_OT_toggle_item, SPECTRAL_MATCH_OT_choose_items)

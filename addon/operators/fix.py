@@ -8,7 +8,8 @@ from bpy.types import Operator
 from .. import mesh_write, pair, preferences, stored_match
 from ..job import AlternativeJob
 from ..mesh_read import UnusableObjectError
-from .match import JobOperator, MatchOperator, find_unchanged
+from .match import MatchOperator, find_unchanged
+from .running import JobOperator
 from .step import Step, needs_matched
 
 

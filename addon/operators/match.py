@@ -1,10 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Match: read the objects, have the job run beside the window, write what it found."""
 
-import time
 from dataclasses import replace
 
-import bpy
 from bpy.props import BoolProperty
 from bpy.types import Operator
 
@@ -23,26 +21,13 @@ from .. import (
 )
 from .. import job as job_module
 from ..character import Character
-from ..job import Job, MatchJob, MatchOptions
+from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
-from ..transfer import checked
+from ..transfer import Carried, checked
 from . import show
 from .carry import carry
-from .step import Step, going_on, needs_pair, nothing
-
-POLL_SECONDS = 0.05
-# Reading goes on for so long, and one step more, before the window has its turn.
-READ_SECONDS = 0.02
-
-
-def redraw_sidebars(context):
-    """Have the sidebars drawn again, and the viewports left alone."""
-    for window in context.window_manager.windows:
-        for area in window.screen.areas:
-            if area.type == "VIEW_3D":
-                for region in area.regions:
-                    if region.type == "UI":
-                        region.tag_redraw()
+from .running import JobOperator, redraw_sidebars
+from .step import Step, needs_pair, nothing
 
 
 def reading(context, source, targets, *, swap_sides=False):
@@ -152,108 +137,6 @@ def _find_unchanged(surface):
     return obj
 
 
-class JobOperator(Step):
-    """An operator whose work runs beside the window; called from a script it blocks.
-
-    `begin` is a generator that reads in short steps and returns the job; `conclude` writes what it found.
-    """
-
-    def begin(self, context):
-        raise NotImplementedError
-
-    def conclude(self, context, job):
-        raise NotImplementedError
-
-    def act(self, context):
-        job = value_of(self.begin(context))
-        job.run()
-        return self._end(context, job)
-
-    def invoke(self, context, _event):
-        # Timers stand still in background mode, and there is no window to keep alive.
-        if bpy.app.background:
-            return self.execute(context)
-        self._beginning = self.begin(context)
-        self._job = job_module.current = Job()
-        self._job.stage = "Reading the meshes"
-        manager = context.window_manager
-        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
-        manager.modal_handler_add(self)
-        going_on.add(self)
-        self._shown = ""
-        self._show_progress(context)
-        return {"RUNNING_MODAL"}
-
-    def modal(self, context, event):
-        try:
-            return self._follow(context, event)
-        except Exception:
-            # Blender shows it; the panel must not wait for a job that nobody follows any more.
-            self._job.cancel()
-            self._stop_watching(context)
-            raise
-
-    def _follow(self, context, event):
-        if event.type == "ESC" and event.value == "PRESS":
-            self._job.cancel()
-            self._show_progress(context)
-            return {"RUNNING_MODAL"}
-        if event.type != "TIMER":
-            return {"PASS_THROUGH"}
-        if self._beginning is not None:
-            result = self.attempt(self._read_on)
-            if result == {"CANCELLED"}:
-                self._stop_watching(context)
-                return result
-        if not self._job.finished:
-            self._show_progress(context)
-            return {"PASS_THROUGH"}
-        self._stop_watching(context)
-        return self.attempt(self._end, context, self._job)
-
-    def cancel(self, context):
-        """Blender ends the operator, for example because another file is opened."""
-        self._job.cancel()
-        self._stop_watching(context)
-
-    def _read_on(self):
-        until = time.monotonic() + READ_SECONDS
-        try:
-            while time.monotonic() < until:
-                next(self._beginning)
-        except StopIteration as end:
-            if self._job.cancelling:
-                end.value.cancel()
-            self._beginning = None
-            self._job = job_module.current = end.value
-            self._job.start()
-        return {"RUNNING_MODAL"}
-
-    def _show_progress(self, context):
-        job = self._job
-        words = "stopping" if job.cancelling else f"{job.stage}  {job.fraction:.0%}"
-        if words != self._shown:
-            self._shown = words
-            context.workspace.status_text_set(f"Spectral Match: {words}   |   Esc: Cancel")
-        redraw_sidebars(context)
-
-    def _stop_watching(self, context):
-        job_module.current = None
-        self._beginning = None
-        going_on.discard(self)
-        if self._timer is not None:
-            context.window_manager.event_timer_remove(self._timer)
-            self._timer = None
-        if context.workspace is not None:
-            context.workspace.status_text_set(None)
-        redraw_sidebars(context)
-
-    def _end(self, context, job):
-        if job.error is not None:
-            return self.fail(core.explain(job.error))
-        return self.conclude(context, job)
-
-
 class MatchOperator(JobOperator):
     """What the operators that match the chosen pair share."""
 
@@ -274,17 +157,24 @@ class MatchOperator(JobOperator):
         stored, trouble = store(context, job)
         trouble += job.notes
         together = stored_match.matched_together(stored)
+        brought = Carried()
         if self.then_transfer:
             settings = context.scene.spectral_match
             for pieces in together:
                 try:
-                    trouble += carry(context, None, pieces, settings, checked(settings))
+                    brought.add(value_of(carry(context, None, pieces, settings, checked(settings))))
                 except (UnusableObjectError, core.CoreMissingError) as reason:
                     trouble.append(str(reason))
+            trouble += brought.notes
         if not stored:
             return self.fail(" ".join(trouble))
-        show.show_after_match(context, stored)
-        self.warn(trouble)
+        if brought.names:
+            done = f"Done: {brought.summary()}"
+            show.show_after_transfer(context, stored, brought)
+            notice.finish(context, done, trouble)
+        else:
+            show.show_after_match(context, stored)
+            self.warn(trouble)
         stopped = "Stopped. " if job.cancelled else ""
         leads, most = [pieces[0] for pieces in together], max(map(len, together))
         self.report({"INFO"}, stopped + summary(leads, len(job.targets), self.then_transfer, most))

@@ -47,16 +47,22 @@ def _activate(mesh, name):
 
 def _colour_viewports(context):
     for space in _viewports(context):
-        _earlier_colouring.setdefault(space.as_pointer(), (space.shading.type, space.shading.color_type))
-        space.shading.type = "SOLID"
-        space.shading.color_type = "VERTEX"
+        shading = space.shading
+        _earlier_colouring.setdefault(
+            space.as_pointer(), (shading.type, shading.color_type, shading.light, shading.show_cavity)
+        )
+        shading.type, shading.color_type = "SOLID", "VERTEX"
+        # Flat, so that shade is not taken for colour; cavities tell the form.
+        shading.light, shading.show_cavity = "FLAT", True
 
 
 def _uncolour_viewports(context):
     for space in _viewports(context):
         if space.shading.color_type == "VERTEX":
-            earlier = _earlier_colouring.get(space.as_pointer(), ("SOLID", "MATERIAL"))
-            space.shading.type, space.shading.color_type = earlier
+            shading = space.shading
+            earlier = _earlier_colouring.get(space.as_pointer(), ("SOLID", "MATERIAL", "STUDIO", False))
+            shading.light, shading.show_cavity = earlier[2:]
+            shading.type, shading.color_type = earlier[:2]
     _earlier_colouring.clear()
 
 
@@ -111,6 +117,8 @@ WAYS = (
     ("CONFIDENCE", "Confidence", "Blue where the match is sure, yellow where it is not"),
     ("NOTHING", "Off", "Color the viewport as before"),
 )
+# How a solid viewport shows what a transfer brought: the first of which there is something.
+LOOKS = {"TEXTURE": ("textures", "uv", "materials"), "VERTEX": ("colours",)}
 SHOWN = {"COLOURS": show_colours, "CONFIDENCE": show_confidence, "NOTHING": show_nothing}
 
 
@@ -128,6 +136,19 @@ def show_after_match(context, targets):
     wish = preferences.of(context).show_after_match
     if wish != "NOTHING":
         SHOWN[wish](context, _sources(targets), targets)
+
+
+def show_after_transfer(context, targets, brought):
+    """Let the viewport show what was brought: textures and materials as they are, else painted colors."""
+    show_nothing(context, _sources(targets), targets)
+    seen = next(
+        (look for look, kinds in LOOKS.items() if any(brought.names.get(kind) for kind in kinds)), None
+    )
+    if seen is None:
+        return
+    for space in _viewports(context):
+        if space.shading.type == "SOLID":
+            space.shading.color_type = seen
 
 
 def _sources(targets):

@@ -2,6 +2,7 @@
 """What can be carried over: a module for each kind of data, its `KIND` listed in `KINDS`."""
 
 from contextlib import ExitStack
+from dataclasses import dataclass, field
 
 import bpy
 from bpy.props import BoolProperty
@@ -32,6 +33,7 @@ from .weights import rigs
 
 __all__ = [
     "KINDS",
+    "Carried",
     "Kind",
     "Prepared",
     "TransferChoice",
@@ -107,12 +109,33 @@ def names_of(kind, sources):
     return list(dict.fromkeys(name for source in sources for name in kind.names(source)))
 
 
-def carry_all(targets, name, options, chosen):
-    """Carry to the meshes of a target all names for which `chosen(kind, name)` holds; returns words for the
-    artist. All were matched with the same source, of which messages speak by this name if it has several.
+@dataclass
+class Carried:
+    """What a transfer brought: names by the identifier of their kind, and words for the artist."""
 
-    Everything is computed before anything is written, so that a kind that cannot be carried leaves the
-    target as it was. Of a target of several meshes only that is left out which one of them cannot get.
+    names: dict = field(default_factory=dict)
+    notes: list = field(default_factory=list)
+
+    def add(self, other):
+        """Count what another transfer brought too; a name counts once."""
+        for kind, names in other.names.items():
+            self.names[kind] = list(dict.fromkeys([*self.names.get(kind, ()), *names]))
+        self.notes += other.notes
+
+    def summary(self):
+        """ "41 vertex groups, 1 UV map, rig": in the panel's order."""
+        found = [(kind, len(self.names.get(kind.identifier, ()))) for kind in KINDS]
+        return ", ".join(kind.counted(count) for kind, count in found if count)
+
+
+def carry_all(targets, name, options, chosen):
+    """Carry to the meshes of a target all names for which `chosen(kind, name)` holds. All were matched with
+    the same source, of which messages speak by this name if it has several.
+
+    A generator: it yields between its steps how far it is, from 0 to 1, and what it does; its value is what
+    was `Carried`. Everything is computed before anything is written, so that a kind that cannot be carried
+    leaves the target as it was; so does the generator when it is closed. Of a target of several meshes only
+    that is left out which one of them cannot get.
     """
     for target in targets:
         mesh_read.check_usable(target, as_target=True)
@@ -120,7 +143,7 @@ def carry_all(targets, name, options, chosen):
     sources = [obj for obj, _, _ in stored_match.sources_of(targets[0])]
     mesh_read.place(bpy.context, _standing(sources, targets))
     with joined.seen(sources, name, targets) as view, ExitStack() as splits:
-        routes, said = [], list(view.notes)
+        routes, said, brought = [], list(view.notes), Carried()
         for target in targets:
             route = Route(target, view)
             route.wanted = _wanted(route, chosen)
@@ -135,7 +158,8 @@ def carry_all(targets, name, options, chosen):
             figure = FigureRoute(targets, view)
             figure.wanted, figure.sides = routes[0].wanted, routes[0].sides
             figure.uv_names = routes[0].uv_names
-        said += _prepare(routes, figure, options)
+        said += yield from _prepare(routes, figure, options, brought)
+        yield 1.0, "Writing"
         ways = list(dict.fromkeys([*routes, figure]))
         for way in ways:
             for part in way.prepared:
@@ -146,7 +170,8 @@ def carry_all(targets, name, options, chosen):
             target.data.update()
         said += ((figure.target, note) for note in _halves(figure))
         said += ((way.target, note) for way in ways for part in way.prepared for note in part.notes)
-        return said_once(said)
+        brought.notes = said_once(said)
+        return brought
 
 
 def said_once(said):
@@ -185,23 +210,27 @@ def _settle_names(route, options):
     _check_twins(route)
 
 
-def _prepare(routes, figure, options):
+def _prepare(routes, figure, options, brought):
     """Have every kind prepare what it carries: to each mesh, or to the whole figure at once.
 
-    Returns pairs of a mesh and why it does not get something.
+    A generator as `carry_all`, of pairs of a mesh and why it does not get something.
     """
-    refused = []
+    refused, steps = [], []
     for route in dict.fromkeys([*routes, figure]):
         for kind in KINDS:
-            by_piece = kind not in OF_FIGURES
-            if not route.wanted[kind.identifier] or route not in (routes if by_piece else [figure]):
-                continue
-            try:
-                route.prepared.append(kind.prepare(route, route.wanted[kind.identifier], options))
-            except UnusableObjectError as reason:
-                if len(routes) == 1:
-                    raise
-                refused.append((route.target, str(reason)))
+            fits = route in ([figure] if kind in OF_FIGURES else routes)
+            if fits and route.wanted[kind.identifier]:
+                steps.append((route, kind))
+    for number, (route, kind) in enumerate(steps):
+        yield number / len(steps), kind.label
+        names = route.wanted[kind.identifier]
+        try:
+            route.prepared.append(kind.prepare(route, names, options))
+            brought.add(Carried({kind.identifier: names}))
+        except UnusableObjectError as reason:
+            if len(routes) == 1:
+                raise
+            refused.append((route.target, str(reason)))
     if refused and not any(route.prepared for route in [*routes, figure]):
         raise UnusableObjectError(" ".join(said_once(refused)))
     return refused

@@ -10,6 +10,7 @@ from bpy.props import BoolProperty
 from mathutils import Matrix, Vector
 
 from ..mesh_read import UnusableObjectError
+from . import hung
 from .actions import actions_of, own_actions
 from .constraints import fit_constraints, settle
 from .copies import MADE_FOR, comes_from, copied, object_copy
@@ -55,8 +56,9 @@ def prepare(route, wanted, options):
     if own:
         notes.append(
             f"The rig '{own[0].object.name}' of '{route.target.name}' was replaced: it stays in the scene, "
-            "with its Armature modifier off"
+            "hidden, with its Armature modifier off"
         )
+        notes += hung.words({modifier.object for modifier in own})
     for rig in rigs(route.source):
         if rig.name not in wanted:
             continue
@@ -81,8 +83,24 @@ def prepare(route, wanted, options):
             _share(route, rig, replaced)
         for modifier in own:
             modifier.show_viewport = modifier.show_render = False
+        if fitted and replaced:
+            hung.rehang(set(replaced), fitted_rig(route.target, fitted[0][0]))
+            for rig in _without_bodies(set(replaced)):
+                rig.hide_set(True)
 
     return Prepared(write, tuple(notes))
+
+
+def _without_bodies(replaced):
+    """The rigs among those replaced that deform nothing any more and can be hidden here."""
+    moving = {
+        modifier.object
+        for obj in bpy.data.objects
+        for modifier in armature_modifiers(obj)
+        if modifier.show_viewport
+    }
+    layer = bpy.context.view_layer.objects
+    return [rig for rig in replaced - moving if rig.name in layer]
 
 
 def _write(route, rig, named, bones, replaced, options):
@@ -127,9 +145,9 @@ def _fit_shapes(rig, own, named):
 
 def _finish(route, rig, own, named, bones, fresh, options):
     """Once all copies look at one another: constraints at rest, and actions."""
-    held = _holding(route.body, rig)
+    holding = _holding(route.body, rig)
     fit_constraints(rig, own, named)
-    if settle(rig, own, named, held, _editing):
+    if settle(rig, own, named, holding, _editing):
         fit_constraints(rig, own, named)
     if not (actions_of(rig) or actions_of(own)):
         return
@@ -139,7 +157,7 @@ def _finish(route, rig, own, named, bones, fresh, options):
         rig,
         own,
         named,
-        held=held,
+        held=holding,
         mirrors=np.prod([np.linalg.det(some.turn), *(way.determinant() for way in ways)]) < 0.0,
         growth={name: size * bone.scale for name, bone in bones.items()},
         bodies=(route.source, route.target),
@@ -320,5 +338,5 @@ KIND = Kind(
             "length of its legs. Off: they play as they are",
         ),
     },
-    default=False,
+    words=("rig",),
 )

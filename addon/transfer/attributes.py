@@ -111,4 +111,5 @@ KIND = Kind(
     "Carry other attributes of points, edges, corners and faces",
     names,
     prepare,
+    words=("attribute", "attributes"),
 )

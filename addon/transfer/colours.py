@@ -39,4 +39,12 @@ def _write(route, wanted, carried):
         target.color_attributes.render_color_index = target.color_attributes.find(name)
 
 
-KIND = Kind("colours", "Color Attributes", "GROUP_VCOL", "Carry painted colors", names, prepare)
+KIND = Kind(
+    "colours",
+    "Color Attributes",
+    "GROUP_VCOL",
+    "Carry painted colors",
+    names,
+    prepare,
+    words=("color layer", "color layers"),
+)

@@ -165,4 +165,5 @@ KIND = Kind(
     names,
     prepare,
     default=False,
+    words=("object", "objects"),
 )

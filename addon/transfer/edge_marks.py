@@ -44,4 +44,5 @@ KIND = Kind(
     "Carry seams, sharp edges, creases and bevel weights along the curves they form",
     names,
     prepare,
+    words=("marks",),
 )

@@ -45,3 +45,12 @@ class Kind:
     prepare: Callable
     options: Mapping = field(default_factory=dict)
     default: bool = True
+    # One and many of its items, in the summary of a transfer; one word alone is not counted.
+    words: tuple = ()
+
+    def counted(self, many):
+        """ "41 vertex groups"."""
+        if len(self.words) == 1:
+            return self.words[0]
+        one, several = self.words or (self.label.lower(), self.label.lower())
+        return f"{many} {one if many == 1 else several}"

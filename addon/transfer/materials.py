@@ -86,4 +86,5 @@ KIND = Kind(
     "Carry material slots and which face has which material",
     names,
     prepare,
+    words=("material", "materials"),
 )

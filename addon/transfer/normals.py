@@ -76,4 +76,5 @@ KIND = Kind(
     names,
     prepare,
     default=False,
+    words=("custom normals",),
 )

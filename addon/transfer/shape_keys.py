@@ -217,4 +217,5 @@ KIND = Kind(
             "that move nothing on the source are carried",
         ),
     },
+    words=("key", "keys"),
 )

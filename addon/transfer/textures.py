@@ -435,4 +435,5 @@ KIND = Kind(
             description="Give the target copies of the materials that show the baked images",
         ),
     },
+    words=("texture", "textures"),
 )

@@ -149,4 +149,5 @@ KIND = Kind(
             "maps it has. Changes the target's topology: it gets more vertices and faces",
         ),
     },
+    words=("UV map", "UV maps"),
 )

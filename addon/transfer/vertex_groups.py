@@ -280,4 +280,5 @@ KIND = Kind(
             description="A vertex group of the target: only its vertices are written. Empty: all are",
         ),
     },
+    words=("group", "groups"),
 )

@@ -51,6 +51,25 @@ def test_a_rig_is_replaced_where_one_is_carried(figures):
     assert target.obj.parent == armatures_on(target.obj)[0] and len(armatures_on(target.obj)) == 1
 
 
+def test_what_hangs_on_the_replaced_rig_follows_the_new_one(figures):
+    """A thing in the hand stays where it is and goes with the new hand; the old rig is out of sight."""
+    source, target, rig, own = figures
+    thing = new_object("Thing", [(0, 0, 0), (0.1, 0, 0), (0, 0.1, 0)], [(0, 1, 2)])
+    thing.parent, thing.parent_type, thing.parent_bone = own, "BONE", "b_hand_l"
+    bpy.context.view_layer.update()
+    place = np.array(thing.matrix_world)
+    transfer(source.obj, target.obj, kinds="groups,armature")
+    fitted = target.obj.find_armature()
+    bpy.context.view_layer.update()
+    assert (thing.parent, thing.parent_bone) == (fitted, "hand.L") and own.hide_get()
+    np.testing.assert_allclose(thing.matrix_world, place, atol=1e-5)
+    fitted.pose.bones["hand.L"].rotation_mode = "XYZ"
+    fitted.pose.bones["hand.L"].rotation_euler.x = 1.0
+    bpy.context.view_layer.update()
+    assert np.abs(np.array(thing.matrix_world) - place).max() > 0.1
+    assert "follows the new rig: Thing" in notice.words
+
+
 def test_groups_of_both_rigs_are_kept_beside_the_new_ones(figures):
     source, target, rig, own = figures
     own.data.bones["b_hips"].name = "hips"

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the panels share: text that fits the sidebar, and where they belong."""
+
+import blf
+
+from . import pair
+
+# Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
+PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 60, 10, 20
+# The button that hides a message, with the gap before it.
+CROSS_WIDTH = 34
+BIG = 1.6
+
+
+def wrapped(text, fits):
+    """Split words into lines of which `fits(line)` holds, because labels do not wrap."""
+    lines, line = [], ""
+    for word in text.split():
+        longer = f"{line} {word}".strip()
+        if line and not fits(longer):
+            lines.append(line)
+            line = word
+        else:
+            line = longer
+    return [*lines, line] if line else lines
+
+
+def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, beside=0):
+    """Several lines of text that fit into the sidebar, the icon first, `beside` pixels to spare."""
+    scale = context.preferences.system.ui_scale
+    margin = PANEL_MARGIN + boxed * BOX_MARGIN + (icon != "NONE") * ICON_WIDTH + beside
+    room = context.region.width - margin * scale
+    blf.size(0, context.preferences.ui_styles[0].widget.points * scale)
+    column = layout.column(align=True)
+    column.scale_y = 0.8
+    column.active = not dim
+    for number, line in enumerate(wrapped(text, lambda line: blf.dimensions(0, line)[0] <= room)):
+        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+
+
+def fold(layout, settings, opened, text):
+    """A line with an arrow, which shows or hides what follows."""
+    row = layout.row()
+    row.alignment = "LEFT"
+    icon = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
+    row.prop(settings, opened, text=text, icon=icon, emboss=False)
+
+
+class MatchTab:
+    bl_space_type = "VIEW_3D"
+    bl_region_type = "UI"
+    bl_category = "Match"
+
+
+class SubPanel(MatchTab):
+    bl_parent_id = "VIEW3D_PT_spectral_match"
+
+
+class MatchedSubPanel(SubPanel):
+    """Drawn only where a target has a match."""
+
+    @classmethod
+    def poll(cls, context):
+        return bool(pair.matched(context))

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Operators whose work goes on while the window lives."""
+
+import time
+
+import bpy
+
+from .. import core
+from .. import job as job_module
+from ..job import Job
+from ..mesh_read import value_of
+from .step import Step, going_on
+
+POLL_SECONDS = 0.05
+# Reading goes on for so long, and one step more, before the window has its turn.
+READ_SECONDS = 0.02
+
+
+def redraw_sidebars(context):
+    """Have the sidebars drawn again, and the viewports left alone."""
+    for window in context.window_manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                for region in area.regions:
+                    if region.type == "UI":
+                        region.tag_redraw()
+
+
+class JobOperator(Step):
+    """An operator whose work runs beside the window; called from a script it blocks.
+
+    `begin` is a generator that reads in short steps and returns the job; it may yield how far it is and
+    what it does. `conclude` writes what was found. While one that `blocks` is at it, the window shows how
+    far it is and takes nothing but Esc.
+    """
+
+    blocks = False
+
+    def begin(self, context):
+        raise NotImplementedError
+
+    def conclude(self, context, job):
+        raise NotImplementedError
+
+    def act(self, context):
+        job = value_of(self.begin(context))
+        job.run()
+        return self._end(context, job)
+
+    def invoke(self, context, _event):
+        # Timers stand still in background mode, and there is no window to keep alive.
+        if bpy.app.background:
+            return self.execute(context)
+        self._beginning = self.begin(context)
+        self._job = job_module.current = Job()
+        self._job.blocks = self.blocks
+        self._job.stage = "Reading the meshes"
+        manager = context.window_manager
+        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
+        manager.modal_handler_add(self)
+        going_on.add(self)
+        self._shown = ""
+        self._show_progress(context)
+        return {"RUNNING_MODAL"}
+
+    def modal(self, context, event):
+        try:
+            return self._follow(context, event)
+        except Exception:
+            # Blender shows it; the panel must not wait for a job that nobody follows any more.
+            self._job.cancel()
+            self._stop_watching(context)
+            raise
+
+    def _follow(self, context, event):
+        if event.type == "ESC" and event.value == "PRESS":
+            self._job.cancel()
+            self._show_progress(context)
+            return {"RUNNING_MODAL"}
+        if event.type != "TIMER":
+            return {"RUNNING_MODAL" if self.blocks else "PASS_THROUGH"}
+        if self._beginning is not None:
+            result = self.attempt(self._read_on)
+            if result != {"RUNNING_MODAL"}:
+                self._stop_watching(context)
+                return result
+        if not self._job.finished:
+            self._show_progress(context)
+            return {"PASS_THROUGH"}
+        self._stop_watching(context)
+        return self.attempt(self._end, context, self._job)
+
+    def cancel(self, context):
+        """Blender ends the operator, for example because another file is opened."""
+        self._job.cancel()
+        self._stop_watching(context)
+
+    def _read_on(self):
+        until = time.monotonic() + READ_SECONDS
+        if self.blocks and self._job.cancelling:
+            self._beginning.close()
+            self._beginning = None
+            return self.conclude(bpy.context, self._job)
+        try:
+            while time.monotonic() < until:
+                step = next(self._beginning)
+                if step is not None:
+                    self._job.fraction, self._job.stage = step
+                    break
+        except StopIteration as end:
+            if self._job.cancelling:
+                end.value.cancel()
+            self._beginning = None
+            self._job = job_module.current = end.value
+            self._job.start()
+        return {"RUNNING_MODAL"}
+
+    def _show_progress(self, context):
+        job = self._job
+        words = "stopping" if job.cancelling else f"{job.stage}  {job.fraction:.0%}"
+        if words != self._shown:
+            self._shown = words
+            context.workspace.status_text_set(f"Spectral Match: {words}   |   Esc: Cancel")
+        redraw_sidebars(context)
+
+    def _stop_watching(self, context):
+        job_module.current = None
+        self._beginning = None
+        going_on.discard(self)
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            self._timer = None
+        if context.workspace is not None:
+            context.workspace.status_text_set(None)
+        redraw_sidebars(context)
+
+    def _end(self, context, job):
+        if job.error is not None:
+            return self.fail(core.explain(job.error))
+        return self.conclude(context, job)

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The panel Transfer: the button, what it brought, and what goes."""
+
+from bpy.types import Panel
+
+from . import notice, pair, stored_match
+from .character import is_there
+from .drawing import BIG, MatchedSubPanel, draw_words, fold
+from .operators.settings import SPECTRAL_MATCH_MT_presets
+from .transfer import KINDS, names_of
+
+# Items of a kind that are listed at a time.
+MOST_ITEMS = 10
+
+
+class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
+    bl_label = "Transfer"
+    bl_order = 3
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.spectral_match
+        matched, chosen = pair.matched_pieces(context), pair.shown(context).source
+        sources = [obj for target in matched for obj, _, _ in stored_match.sources_of(target)]
+        sources = [obj for obj in dict.fromkeys(sources) if is_there(obj) and obj.type == "MESH"]
+        if not sources:
+            layout.label(text="The source is gone", icon="ERROR")
+            return
+        elsewhere = [stored_match.matched_elsewhere(target, chosen) for target in matched]
+        if all(elsewhere):
+            draw_words(context, layout, elsewhere[0], "ERROR")
+            return
+        row = layout.row()
+        row.scale_y = BIG
+        row.operator("spectral_match.transfer", icon="IMPORT")
+        if notice.done:
+            self._draw_done(context, layout.box().column(), settings)
+        layout.menu("SPECTRAL_MATCH_MT_presets", text=SPECTRAL_MATCH_MT_presets.bl_label)
+        draw_kinds(layout, settings, sources)
+
+    @staticmethod
+    def _draw_done(context, box, settings):
+        draw_words(context, box, notice.done, "CHECKMARK", boxed=True)
+        row = box.row(align=True)
+        # What is seen is the transfer's state, or that of the step before it.
+        after = settings.transfers >= notice.transfer
+        before = row.row(align=True)
+        before.enabled = after
+        before.operator("ed.undo", text="Before", icon="BLANK1" if after else "HIDE_OFF")
+        later = row.row(align=True)
+        later.enabled = not after
+        later.operator("ed.redo", text="After", icon="HIDE_OFF" if after else "BLANK1")
+        notes = notice.words.splitlines()
+        if notes:
+            many = "1 thing needs a look" if len(notes) == 1 else f"{len(notes)} things need a look"
+            fold(box, settings, "open_notes", many)
+            for note in notes if settings.open_notes else ():
+                draw_words(context, box, note, "DOT", boxed=True)
+
+
+def draw_kinds(layout, settings, sources):
+    """What these meshes of a source have, kind by kind, and behind one line what they lack."""
+    listed = [(kind, names_of(kind, sources)) for kind in KINDS]
+    column = layout.column(align=True)
+    for kind, names in listed:
+        if names:
+            _draw_kind(column, settings, kind, names)
+    lacking = [kind for kind, names in listed if not names]
+    if lacking:
+        fold(layout, settings, "open_lacking", f"{len(lacking)} more that the source lacks")
+        for kind in lacking if settings.open_lacking else ():
+            line = layout.row()
+            line.active = False
+            line.label(text=kind.label, icon=kind.icon)
+
+
+def _draw_kind(layout, settings, kind, names):
+    use, opened = f"use_{kind.identifier}", f"open_{kind.identifier}"
+    row = layout.row(align=True)
+    icon = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
+    row.prop(settings, opened, text="", icon=icon, emboss=False)
+    row.prop(settings, use, text=kind.label)
+    chosen = sum(not settings.skips(kind.identifier, name) for name in names)
+    count = row.row()
+    count.alignment = "RIGHT"
+    count.active = False
+    count.label(text=str(len(names)) if chosen == len(names) else f"{chosen} of {len(names)}")
+    if not getattr(settings, opened):
+        return
+    box = layout.box().column()
+    box.active = getattr(settings, use)
+    if kind.options:
+        options = box.column()
+        options.use_property_split = True
+        options.use_property_decorate = False
+        for name in kind.options:
+            options.prop(settings, name)
+    _draw_items(box.column(align=True), settings, kind, names)
+
+
+def _draw_items(column, settings, kind, names):
+    """The items of a kind with check boxes, a page at a time where they are many."""
+    if len(names) > 1:
+        tools = column.row(align=True)
+        tools.prop(settings, "item_search", text="", icon="VIEWZOOM")
+        for text, take in (("All", True), ("None", False)):
+            button = tools.operator("spectral_match.choose_items", text=text)
+            button.kind, button.take = kind.identifier, take
+    wanted = settings.found(names)
+    pages = -(-len(wanted) // MOST_ITEMS)
+    page = min(settings.item_page, max(pages, 1))
+    for name in wanted[(page - 1) * MOST_ITEMS : page * MOST_ITEMS]:
+        skipped = settings.skips(kind.identifier, name)
+        line = column.row()
+        line.alignment = "LEFT"
+        button = line.operator(
+            "spectral_match.toggle_item",
+            text=name,
+            translate=False,
+            icon="CHECKBOX_DEHLT" if skipped else "CHECKBOX_HLT",
+            emboss=False,
+        )
+        button.item = f"{kind.identifier}/{name}"
+    if pages > 1:
+        column.prop(settings, "item_page", text=f"Page of {pages}")
+    if not wanted:
+        column.label(text="No name with these letters")
+
+
+CLASSES = (VIEW3D_PT_spectral_match_transfer,)

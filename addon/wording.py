@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A match in an artist's words: its grade, and what speaks for and against it."""
+
+import re
+
+# How the core begins or ends a reason, and what the panel says of it; None is for Details alone.
+PLAIN = (
+    ("distances, curvatures and orientation agree", "Everything that was compared agrees"),
+    ("as it is worn", "The target is worn by the source: each point takes what lies below it"),
+    ("pieces were matched as one figure", None),
+    ("the target looks like a part of the source", "The target looks like a part of the source"),
+    ("the source looks like a part of the target", "The source looks like a part of the target"),
+    ("mirror image of the other", "One looks like the other in a mirror: try Allow Mirrored Match"),
+    ("this is an alternative", "Another map fits better: this is one to compare"),
+    ("other maps fit almost as well", "Another map fits nearly as well: compare the maps under Fix"),
+    ("bumps and hollows do not agree", "Bumps and hollows differ: look whether the parts are the same"),
+    ("left and right are hard to tell apart", "Left and right are hard to tell apart: look at Colors"),
+    ("the surface turns in places", "Some places may be turned: look at Colors"),
+    ("the shapes differ, or one is a part", "The shapes differ much, or one lacks parts of the other"),
+    ("the bodies differ", "The bodies have different proportions"),
+    ("neighbours on the target", "Limbs may have grown together where they touch"),
+)
+# Reasons that are no doubts.
+NO_DOUBT = frozenset(words for sign, words in PLAIN[:5] if words)
+GRADES = {"green": "Good match", "amber": "Check this match", "red": "Poor match"}
+# A green match that leaves a doubt, or is less sure than this on average.
+NEARLY_GOOD, SURE = "Mostly good match", 0.6
+
+
+def plain(reasons):
+    """The core's reasons in plain words, without figures of its own measures; each once."""
+    found = []
+    for reason in reasons:
+        words = next((words for sign, words in PLAIN if sign in reason), reason)
+        if words is not None:
+            found.append(re.sub(r" \([^)]*\d[^)]*\)", "", words[:1].upper() + words[1:]))
+    return list(dict.fromkeys(found))
+
+
+def verdict(grade, reasons, confidence):
+    """The grade in words, which never calls good what leaves doubts."""
+    doubts = set(plain(reasons)) - NO_DOUBT
+    if grade == "green" and (doubts or confidence < SURE):
+        return NEARLY_GOOD
+    return GRADES.get(grade, grade)
