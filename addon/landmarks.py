@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import bpy
 
-from . import stored_match
+from . import palette, stored_match
 from .character import holds, pieces_of
 from .mesh_read import UnusableObjectError
 from .pair import shown
@@ -101,16 +101,30 @@ def follow(mesh, old, new):
 
 
 def add(settings, source, source_vertex, target, target_vertex):
-    """Append a landmark under a name that is free in the list."""
-    names = {landmark.name for landmark in settings.landmarks}
-    number = len(of_pair(settings, source, target)) + 1
-    while f"Landmark {number}" in names:
-        number += 1
+    """Append a landmark under a name that is free in the list: that of its colour.
+
+    Raises `UnusableObjectError` where one of the two vertices has a landmark of this pair.
+    """
+    taken = of_pair(settings, source, target)
+    for landmark, pair in taken:
+        if (pair.source, pair.source_vertex) == (source, source_vertex) or (
+            (pair.target, pair.target_vertex) == (target, target_vertex)
+        ):
+            raise UnusableObjectError(f"Landmark '{landmark.name}' is there already. Click another point")
+    colours = [landmark.colour for landmark, _ in taken]
+    colour = min(range(len(palette.LANDMARK_NAMES)), key=lambda each: (colours.count(each), each))
     landmark = settings.landmarks.add()
-    landmark.name = f"Landmark {number}"
+    landmark.colour, landmark.name = colour, _free_name(settings, palette.LANDMARK_NAMES[colour])
     landmark.source, landmark.target = source, target
     landmark.source_vertex, landmark.target_vertex = source_vertex, target_vertex
     landmark.source_topology = stored_match.current_fingerprint(source.data).topology
     landmark.target_topology = stored_match.current_fingerprint(target.data).topology
     settings.landmark_index = len(settings.landmarks) - 1
     return landmark
+
+
+def _free_name(settings, name):
+    """The name, or the first of "Orange 2", "Orange 3" and so on that no landmark has."""
+    names = {landmark.name for landmark in settings.landmarks}
+    ways = (name if number == 1 else f"{name} {number}" for number in range(1, len(names) + 2))
+    return next(way for way in ways if way not in names)

@@ -13,7 +13,7 @@ PAGES = {
         *("match", "cancel", "pin", "swap_roles", "toggle_piece", "reset_pieces"),
         *("reset", "add_preset"),
     ),
-    "result": ("show", "lines", "morph"),
+    "result": ("show", "lines", "morph", "follow_pointer"),
     "fix": ("alternative", "swap_sides", "pick_landmarks", "remove_landmark", "go_to_landmark"),
     "transfer": ("transfer", "toggle_item", "choose_items"),
     "batch": ("batch",),

@@ -53,6 +53,8 @@ class Picking:
 
 
 picking: Picking | None = None
+# The point under the pointer and its partner, while `follow_pointer` is on; or (None, None).
+partners: tuple | None = None
 
 
 @dataclass(frozen=True)
@@ -220,7 +222,7 @@ def _polyline(shader_name, kind, points, width, colour):
 def _draw_marks():
     context = bpy.context
     settings = context.scene.spectral_match
-    if not _overlays_shown(context) or not (settings.landmarks or picking):
+    if not _overlays_shown(context) or not (settings.landmarks or picking or partners):
         return
     depsgraph = context.evaluated_depsgraph_get()
     gpu.state.blend_set("ALPHA")
@@ -231,11 +233,14 @@ def _draw_marks():
             number = settings.landmarks.find(landmark.name)
             for obj, vertex in ((ends.source, ends.source_vertex), (ends.target, ends.target_vertex)):
                 if vertex < len(obj.data.vertices) and obj.visible_get():
-                    _draw_mark(context, depsgraph, obj, vertex, number, number == chosen)
+                    _draw_mark(context, depsgraph, obj, vertex, landmark, number == chosen)
     if picking is not None:
         for point in (picking.first, picking.hovered):
             if point is not None and point.object is not None:
                 _draw_picked(context, depsgraph, point)
+    for point in filter(None, partners or ()):
+        if point.object is not None:
+            _draw_picked(context, depsgraph, point)
     gpu.state.blend_set("NONE")
 
 
@@ -250,13 +255,13 @@ def _on_screen(context, depsgraph, obj, vertex):
     return pixel, normal.dot(towards) > 0.0
 
 
-def _draw_mark(context, depsgraph, obj, vertex, number, chosen):
+def _draw_mark(context, depsgraph, obj, vertex, landmark, chosen):
     pixel, facing = _on_screen(context, depsgraph, obj, vertex)
     if pixel is None:
         return
     opacity = 1.0 if facing else FACING_AWAY_OPACITY
     scale = context.preferences.system.ui_scale
-    colour = palette.landmark_colour(number)
+    colour = palette.landmark_colour(landmark.colour)
     disc = CIRCLE * DISC_RADIUS * scale + pixel
     shader = gpu.shader.from_builtin("UNIFORM_COLOR")
     batch = batch_for_shader(shader, "TRIS", {"pos": _fan(disc)})
@@ -266,12 +271,11 @@ def _draw_mark(context, depsgraph, obj, vertex, number, chosen):
     _ring(pixel, DISC_RADIUS * scale, 1.5, (*DARK, opacity))
     if chosen:
         _ring(pixel, RING_RADIUS * scale, 2.0, (1.0, 1.0, 1.0, opacity))
-    font, label = 0, str(number + 1)
-    blf.size(font, 12.0 * scale)
-    blf.color(font, *DARK, opacity)
-    width, height = blf.dimensions(font, label)
-    blf.position(font, pixel.x - width / 2, pixel.y - height / 2, 0.0)
-    blf.draw(font, label)
+    if chosen:
+        blf.size(0, 12.0 * scale)
+        blf.color(0, 1.0, 1.0, 1.0, opacity)
+        blf.position(0, pixel.x + 1.5 * RING_RADIUS * scale, pixel.y - 4.0 * scale, 0.0)
+        blf.draw(0, landmark.name)
 
 
 def _draw_picked(context, depsgraph, point):
@@ -281,7 +285,7 @@ def _draw_picked(context, depsgraph, point):
     if pixel is None:
         return
     scale = context.preferences.system.ui_scale
-    colour = palette.landmark_colour(len(context.scene.spectral_match.landmarks))
+    colour = (1.0, 1.0, 1.0)
     _ring(pixel, RING_RADIUS * scale, 4.0, (*DARK, 1.0))
     _ring(pixel, RING_RADIUS * scale, 2.0, (*colour, 1.0))
     _ring(pixel, 1.5 * scale, 3.0, (*colour, 1.0))
@@ -303,8 +307,8 @@ def _flat(points):
 
 @persistent
 def _forget_file(_path, _unused=None):
-    global picking
-    picking = None
+    global picking, partners
+    picking = partners = None
     show_lines(False)
 
 
@@ -319,8 +323,8 @@ def register():
 
 
 def unregister():
-    global _marks_handle, picking
-    picking = None
+    global _marks_handle, picking, partners
+    picking = partners = None
     show_lines(False)
     if _marks_handle is not None:
         bpy.types.SpaceView3D.draw_handler_remove(_marks_handle, "WINDOW")

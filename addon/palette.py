@@ -74,6 +74,9 @@ LANDMARK_COLOURS = (
     (0.835, 0.369, 0.0),
     (0.800, 0.475, 0.655),
 )
+# Their names, and the icons of a list that come nearest to them.
+LANDMARK_NAMES = ("Orange", "Blue", "Green", "Yellow", "Red", "Pink")
+LANDMARK_ICONS = tuple(f"COLLECTION_COLOR_0{number}" for number in (2, 5, 4, 3, 1, 7))
 # Ends of the lines' scale, sRGB: the heat map's two hues, both bright enough for thin lines.
 SURE_LINE, DOUBTFUL_LINE = np.array([0.337, 0.706, 0.914]), np.array([1.0, 0.86, 0.2])
 

@@ -6,7 +6,7 @@ from bl_ui.utils import PresetPanel
 from bpy.types import Panel, UIList
 
 from . import job as job_module
-from . import landmarks, manual, morph, notice, overlay, pair, stored_match, transfer_panel, wording
+from . import landmarks, manual, morph, notice, overlay, pair, palette, stored_match, transfer_panel, wording
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_words, fold
 from .operators import pick, show
 from .operators.settings import PRESETS
@@ -302,9 +302,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         head = box.row()
         head.alert = stored.grade == "red"
         reasons, sure = stored.reasons.splitlines(), stored.mean_confidence
-        head.label(
-            text=wording.verdict(stored.grade, reasons, sure), icon=GRADE_ICONS.get(stored.grade, "QUESTION")
-        )
+        head.label(text=wording.of(stored), icon=GRADE_ICONS.get(stored.grade, "QUESTION"))
         box.progress(factor=sure, text=f"{sure:.0%} sure")
         if stored.swapped_sides:
             draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
@@ -329,6 +327,9 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         row.operator("spectral_match.lines", icon="CURVE_PATH", depress=overlay.lines_shown())
         modifier = morph.modifier_of(matched[0])
         row.operator("spectral_match.morph", icon="MOD_SIMPLEDEFORM", depress=modifier is not None)
+        column.operator(
+            "spectral_match.follow_pointer", icon="RESTRICT_SELECT_OFF", depress=overlay.partners is not None
+        )
         if now == "COLOURS":
             draw_words(context, layout, LEGEND, dim=True)
         if now == "CONFIDENCE" or overlay.lines_shown():
@@ -350,10 +351,7 @@ class VIEW3D_UL_spectral_match_landmarks(UIList):
     def draw_item(self, context, layout, data, item, _icon, _active_data, _active_name, index=0, _flag=0):
         found = pair.shown(context)
         row = layout.row(align=True)
-        number = row.row()
-        number.alignment = "LEFT"
-        number.active = False
-        number.label(text=str(index + 1))
+        row.label(text="", icon=palette.LANDMARK_ICONS[item.colour])
         row.prop(item, "name", text="", emboss=False)
         for target in found.targets:
             ends = landmarks.ends(item, found.source, target)
@@ -362,10 +360,6 @@ class VIEW3D_UL_spectral_match_landmarks(UIList):
             if landmarks.outdated(ends) is not None:
                 row.label(text="outdated", icon="ERROR")
                 return
-            where = row.row()
-            where.alignment = "RIGHT"
-            where.active = False
-            where.label(text=f"{ends.source_vertex} → {ends.target_vertex}")
 
     def filter_items(self, context, data, name):
         listed = set(landmarks.listed(context))

@@ -52,6 +52,7 @@ class SPECTRAL_MATCH_PG_landmark(PropertyGroup):
     target: PointerProperty(type=Object)
     source_vertex: IntProperty(min=0)
     target_vertex: IntProperty(min=0)
+    colour: IntProperty(min=0, description="Which of the colors of landmarks it is shown in")
     source_topology: StringProperty(description="Numbering of the source when its vertex was picked")
     target_topology: StringProperty(description="Numbering of the target when its vertex was picked")
 

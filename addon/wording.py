@@ -43,3 +43,8 @@ def verdict(grade, reasons, confidence):
     if grade == "green" and (doubts or confidence < SURE):
         return NEARLY_GOOD
     return GRADES.get(grade, grade)
+
+
+def of(stored):
+    """The verdict on a stored match."""
+    return verdict(stored.grade, stored.reasons.splitlines(), stored.mean_confidence)

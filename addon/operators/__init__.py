@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators, a file for each step of the workflow."""
 
-from . import carry, fix, match, pick, pieces, settings, show
+from . import carry, fix, match, partner, pick, pieces, settings, show
 
 CLASSES = (
     *match.CLASSES,
     *fix.CLASSES,
     *pieces.CLASSES,
     *pick.CLASSES,
+    *partner.CLASSES,
     *carry.CLASSES,
     *show.CLASSES,
     *settings.CLASSES,

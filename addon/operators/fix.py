@@ -5,7 +5,7 @@ import bpy
 from bpy.props import IntProperty
 from bpy.types import Operator
 
-from .. import mesh_write, pair, preferences, stored_match
+from .. import mesh_write, pair, preferences, stored_match, wording
 from ..job import AlternativeJob
 from ..mesh_read import UnusableObjectError
 from .match import MatchOperator, find_unchanged
@@ -118,7 +118,7 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
             stored_match.forget_fingerprint(target.data)
             stored = target.data.spectral_match
             stored.alternative = job.number
-        self.report({"INFO"}, f"Map {job.number + 1} of {stored.alternatives}, grade {stored.grade}")
+        self.report({"INFO"}, f"Map {job.number + 1} of {stored.alternatives}: {wording.of(stored)}")
         return {"FINISHED"}
 
 

@@ -18,6 +18,7 @@ from .. import (
     pair,
     preferences,
     stored_match,
+    wording,
 )
 from .. import job as job_module
 from ..character import Character
@@ -190,7 +191,7 @@ def summary(targets, wanted, transferred, pieces=1):
     also = f" and {pieces - 1} more mesh{'es' if pieces > 2 else ''}" if pieces > 1 else ""
     return (
         f"Matched '{targets[0].name}'{also} in {stored.seconds:.1f} s, "
-        f"mean confidence {stored.mean_confidence:.0%}, grade {stored.grade}"
+        f"{stored.mean_confidence:.0%} sure: {wording.of(stored)}"
         + (", left and right swapped" if stored.swapped_sides else "")
     )
 

@@ -22,7 +22,7 @@ LEAVING = {"ESC", "RIGHTMOUSE"}
 DONE = {"RET", "NUMPAD_ENTER"}
 
 
-def _region_under(context, event):
+def region_under(context, event):
     """The viewport region under the pointer, None over a sidebar or another editor."""
     for area in context.window.screen.areas:
         if area.type != "VIEW_3D":
@@ -39,7 +39,7 @@ def _region_under(context, event):
     return None
 
 
-def _redraw(context):
+def redraw(context):
     for area in context.window.screen.areas:
         if area.type == "VIEW_3D":
             area.tag_redraw()
@@ -125,7 +125,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         found = pair.resolve(context)
         if found.missing or overlay.picking is None:
             return self._end(context)
-        region = _region_under(context, event)
+        region = region_under(context, event)
         if event.value == "PRESS" and event.type in DONE:
             return self._end(context)
         if event.value == "PRESS" and event.type in LEAVING and (region or event.type == "ESC"):
@@ -199,7 +199,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         context.workspace.status_text_set(
             f"{hint(context)}   |   Enter or Esc: Done   |   Backspace: Take Back"
         )
-        _redraw(context)
+        redraw(context)
 
     def _end(self, context):
         overlay.picking = None
@@ -208,7 +208,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         if context.window is not None:
             context.window.cursor_modal_restore()
             context.workspace.status_text_set(None)
-            _redraw(context)
+            redraw(context)
         if self._added:
             self.report({"INFO"}, f"{self._added} landmark{'s' if self._added > 1 else ''} added")
         return {"FINISHED"}

@@ -26,7 +26,7 @@ def test_a_right_landmark_is_kept(pair, scene):
     source, target, old = pair
     for vertex in (0, 40):
         assert add(int(old[vertex]), vertex) == {"FINISHED"}
-    assert [mark.name for mark in scene.spectral_match.landmarks] == ["Landmark 1", "Landmark 2"]
+    assert [mark.name for mark in scene.spectral_match.landmarks] == ["Orange", "Blue"]
     assert bpy.ops.spectral_match.match() == {"FINISHED"}
     for vertex in (0, 40):
         right = mesh_read.positions(source.data)[old[vertex]]
@@ -69,6 +69,25 @@ def test_names_stay_apart(pair, scene):
     assert len(set(names)) == 3
 
 
+def test_a_point_is_picked_once(pair, scene):
+    add(3, 7)
+    for ends in ((3, 8), (4, 7)):
+        with pytest.raises(RuntimeError, match="Landmark 'Orange' is there already"):
+            add(*ends)
+    assert len(scene.spectral_match.landmarks) == 1
+
+
+def test_colours_are_taken_in_turn_and_kept(pair, scene):
+    for vertex in range(7):
+        add(vertex, vertex)
+    marks = scene.spectral_match.landmarks
+    assert [mark.colour for mark in marks] == [0, 1, 2, 3, 4, 5, 0] and marks[6].name == "Orange 2"
+    marks.remove(1)
+    assert [mark.colour for mark in marks] == [0, 2, 3, 4, 5, 0]
+    add(20, 20)
+    assert marks[6].name == "Blue"
+
+
 def test_outdated_landmark_is_refused_in_words(pair):
     _, target, _ = pair
     add(0, 0)
@@ -79,7 +98,7 @@ def test_outdated_landmark_is_refused_in_words(pair):
     bpy.ops.object.mode_set(mode="OBJECT")
     stored_match.forget_fingerprint(target.data)
     choose(bpy.data.objects["Source"], target)
-    with pytest.raises(RuntimeError, match="'Target' got other vertices since landmark 'Landmark 1'"):
+    with pytest.raises(RuntimeError, match="'Target' got other vertices since landmark 'Orange'"):
         bpy.ops.spectral_match.match()
     assert "match_face" not in target.data.attributes
 

@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What the panel says of a match: plain words, and good only where there is no doubt."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+from addon import wording
+
+CORE = Path(__file__).parents[2] / "rust" / "core" / "src"
+# The measures by which the core judges are no words for the panel.
+UNPLAIN = re.compile("eigen|√|correlation|orientation|curvature|vertex", re.IGNORECASE)
+
+
+def core_reasons():
+    """What the core's judges can say: each string that is pushed to reasons."""
+    found = []
+    for path in ("matching/ranking/quality.rs", "figure/judgement.rs"):
+        text = (CORE / path).read_text(encoding="utf-8").split("mod tests")[0]
+        for pushed in re.findall(r"reasons\s*\.push\((.*?)\);", text, re.DOTALL):
+            found += re.findall(r'"((?:[^"\\]|\\\n)*)"', pushed)
+    assert len(found) > 12
+    return [re.sub(r"\\\n\s*", "", reason) for reason in found]
+
+
+@pytest.mark.parametrize("reason", core_reasons())
+def test_reasons_are_plain(reason):
+    for words in wording.plain([reason.replace("{:.2}", "0.12").replace("{o:.2}", "0.34")]):
+        assert not UNPLAIN.search(words.replace("vertices", "")), words
+
+
+@pytest.mark.parametrize(
+    ("grade", "reasons", "confidence", "words"),
+    [
+        ("green", ["distances, curvatures and orientation agree"], 0.9, "Good match"),
+        ("green", ["the target's 7 pieces were matched as one figure"], 0.9, "Good match"),
+        ("green", ["distances change by 3.7 % of √area: the bodies differ"], 0.9, "Mostly good match"),
+        ("green", ["distances, curvatures and orientation agree"], 0.38, "Mostly good match"),
+        ("amber", [], 0.9, "Check this match"),
+        ("red", [], 0.9, "Poor match"),
+    ],
+)
+def test_good_never_stands_beside_doubts(grade, reasons, confidence, words):
+    assert wording.verdict(grade, reasons, confidence) == words
+
+
+def test_figures_of_the_core_s_own_measures_are_left_out():
+    assert wording.plain(["something new (correlation 0.12)"]) == ["Something new"]
