@@ -19,6 +19,7 @@ from . import (
     prepared,
     properties,
     stored_match,
+    translation,
 )
 from .operators import settings, show, step
 
@@ -33,6 +34,7 @@ _HANDLERS = (
 
 
 def register():
+    translation.register()
     properties.register()
     preferences.register()
     for cls in (*operators.CLASSES, *panels.CLASSES):
@@ -67,3 +69,4 @@ def unregister():
     character.forget()
     prepared.forget()
     notice.clear()
+    translation.unregister()

@@ -11,6 +11,8 @@ import numpy as np
 from bpy.app.handlers import persistent
 from mathutils import Vector
 
+from .translation import said
+
 # On objects that are made for a target: the target, which a duplicate of it is not.
 MADE_FOR = "spectral_match_made_for"
 # What hangs on a bone without skin is held in a hand if larger than this share of the character: an eye is
@@ -54,8 +56,8 @@ class Character:
         if len(self.whole) == 1:
             return self.name
         if self.left_out:
-            return f"{self.name} ({len(self.pieces)} of {len(self.whole)})"
-        return f"{self.name} ({len(self.whole)} meshes)"
+            return said("{} ({} of {})", self.name, len(self.pieces), len(self.whole))
+        return said("{} ({} meshes)", self.name, len(self.whole))
 
 
 def holds(body, obj):

@@ -1,28 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panels share: text that fits the sidebar, and where they belong."""
 
+import re
+
 import blf
 
 from . import pair
+from .translation import said
 
 # Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
 PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 60, 10, 20
 # The button that hides a message, with the gap before it.
 CROSS_WIDTH = 34
+# A word with the space before it, or one sign of Chinese or Japanese with the marks that end it.
+PORTIONS = re.compile(r"[\u3000-\u9fff\uff00-\uffef][、。,:;」”)]*|\s*[^\s\u3000-\u9fff\uff00-\uffef]+|\s+")
 BIG = 1.6
 
 
 def wrapped(text, fits):
-    """Split words into lines of which `fits(line)` holds, because labels do not wrap."""
+    """Split text into lines of which `fits(line)` holds, because labels do not wrap.
+
+    Between words, and after any sign of a script without spaces.
+    """
     lines, line = [], ""
-    for word in text.split():
-        longer = f"{line} {word}".strip()
-        if line and not fits(longer):
-            lines.append(line)
-            line = word
+    for word in PORTIONS.findall(text):
+        longer = line + word
+        if line and not fits(longer.rstrip()):
+            lines.append(line.rstrip())
+            line = word.lstrip()
         else:
-            line = longer
-    return [*lines, line] if line else lines
+            line = longer.lstrip()
+    return [*lines, line.rstrip()] if line.strip() else lines
 
 
 def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, beside=0):
@@ -31,11 +39,14 @@ def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, be
     margin = PANEL_MARGIN + boxed * BOX_MARGIN + (icon != "NONE") * ICON_WIDTH + beside
     room = context.region.width - margin * scale
     blf.size(0, context.preferences.ui_styles[0].widget.points * scale)
+    text = said(text) if "{" not in text else text
     column = layout.column(align=True)
     column.scale_y = 0.8
     column.active = not dim
     for number, line in enumerate(wrapped(text, lambda line: blf.dimensions(0, line)[0] <= room)):
-        column.label(text=line, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE"))
+        column.label(
+            text=line, translate=False, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE")
+        )
 
 
 def fold(layout, settings, opened, text):

@@ -9,6 +9,7 @@ from bpy.app.handlers import persistent
 
 from . import character
 from .character import Character, is_there
+from .translation import said
 
 HOLDERS = ("MESH", "ARMATURE", "EMPTY")
 # How long `shown` keeps what it found; handlers forget it earlier.
@@ -47,7 +48,9 @@ def resolve(context):
             "or select the meshes themselves",
         )
     if active is None or active.type not in HOLDERS:
-        return Pair(None, [], "Select the target, then Shift-click the source: any mesh of each will do")
+        return Pair(
+            None, [], said("Select the target, then Shift-click the source: any mesh of each will do")
+        )
     others = [obj for obj in context.view_layer.objects.selected if obj != active and obj.type in HOLDERS]
     source, *targets = _characters(settings, [active, *others])
     if source is None:
@@ -58,7 +61,7 @@ def resolve(context):
         held = [piece for piece in source.whole if has_match(piece)]
         if held:
             return _as_matched(settings, active if active in held else held[0])
-        return Pair(source, [], f"Add a target: select it first, then Shift-click '{active.name}'")
+        return Pair(source, [], said("Add a target: select it first, then Shift-click '{}'", active.name))
     return _of(source, targets)
 
 

@@ -10,6 +10,7 @@ from . import landmarks, manual, morph, notice, overlay, pair, palette, stored_m
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_words, fold
 from .operators import pick, show
 from .operators.settings import PRESETS
+from .translation import said
 
 GRADE_ICONS = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
 SWAPPED = "Left and right are swapped, as you asked"
@@ -117,7 +118,8 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         caption.label(text=label)
         if len(bodies) > 1:
             many = any(len(body.whole) > 1 for body in bodies)
-            split.label(text=f"{len(bodies)} {'characters' if many else 'meshes'}", icon="OUTLINER_OB_MESH")
+            words = said("{} characters", len(bodies)) if many else said("{} meshes", len(bodies))
+            split.label(text=words, icon="OUTLINER_OB_MESH", translate=False)
         elif bodies:
             split.label(text=bodies[0].label, icon=icon_of(bodies[0]))
         else:
@@ -134,14 +136,14 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         if count:
             hint = layout.row()
             hint.active = False
-            hint.label(text=f"With {count} landmark{'s' if count > 1 else ''}", icon="EMPTY_AXIS")
+            hint.label(text=said("With {} landmarks", count), icon="EMPTY_AXIS")
 
     @staticmethod
     def _draw_progress(context, layout, job):
         column = layout.column(align=True)
         bar = column.row()
         bar.scale_y = 1.2
-        bar.progress(factor=job.fraction, text="Stopping" if job.cancelling else f"{job.fraction:.0%}")
+        bar.progress(factor=job.fraction, text=said("Stopping") if job.cancelling else f"{job.fraction:.0%}")
         stage = column.row()
         stage.active = False
         stage.label(text=job.stage[:1].upper() + job.stage[1:])
@@ -226,7 +228,7 @@ class VIEW3D_PT_spectral_match_pieces(SubPanel, Panel):
             column = layout.column()
             row = column.row()
             row.label(
-                text=bodies[0].label if len(bodies) == 1 else f"{len(bodies)} characters",
+                text=bodies[0].label if len(bodies) == 1 else said("{} characters", len(bodies)),
                 icon=icon_of(bodies[0]),
             )
             row.operator(
@@ -288,7 +290,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
             row.label(text="", icon="MOD_MIRROR")
         share = row.row()
         share.alignment = "RIGHT"
-        share.label(text=f"{stored.mean_confidence:.0%}" if now.usable else "match again")
+        share.label(text=f"{stored.mean_confidence:.0%}" if now.usable else said("match again"))
 
     @staticmethod
     def _draw_box(context, layout, target, now, *, named):
@@ -303,7 +305,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         head.alert = stored.grade == "red"
         reasons, sure = stored.reasons.splitlines(), stored.mean_confidence
         head.label(text=wording.of(stored), icon=GRADE_ICONS.get(stored.grade, "QUESTION"))
-        box.progress(factor=sure, text=f"{sure:.0%} sure")
+        box.progress(factor=sure, text=said("{} sure", f"{sure:.0%}"))
         if stored.swapped_sides:
             draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
         for reason in wording.plain(reasons):
@@ -313,7 +315,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         settings = context.scene.spectral_match
         fold(box, settings, "open_details", "Details")
         if settings.open_details:
-            for words in (*reasons, f"matched in {stored.seconds:.1f} s"):
+            for words in (*reasons, said("matched in {} s", f"{stored.seconds:.1f}")):
                 draw_words(context, box, words[:1].upper() + words[1:], boxed=True, dim=True)
 
     @staticmethod
@@ -381,7 +383,7 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         column = layout.column(align=True)
         row = column.row(align=True)
         row.operator("spectral_match.alternative", text="", icon="TRIA_LEFT").step = -1
-        word = f"Map {stored.alternative + 1} of {max(stored.alternatives, 1)}"
+        word = said("Map {} of {}", stored.alternative + 1, max(stored.alternatives, 1))
         row.operator("spectral_match.alternative", text=word).step = 1
         row.operator("spectral_match.alternative", text="", icon="TRIA_RIGHT").step = 1
         column.operator("spectral_match.swap_sides", icon="MOD_MIRROR", depress=stored.swapped_sides)
@@ -431,9 +433,9 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
         layout = self.layout
         count = len(pair.shown(context).targets)
         if count > 1:
-            words = f"Match and transfer the checked data to all {count} selected targets"
+            words = said("Match and transfer the checked data to all {} selected targets", count)
         else:
-            words = "Select several targets to match and transfer to all of them at once"
+            words = said("Select several targets to match and transfer to all of them at once")
         draw_words(context, layout, words)
         layout.operator("spectral_match.batch", icon="DUPLICATE")
 

@@ -8,6 +8,7 @@ from .character import is_there
 from .drawing import BIG, MatchedSubPanel, draw_words, fold
 from .operators.settings import SPECTRAL_MATCH_MT_presets
 from .transfer import KINDS, names_of
+from .translation import said
 
 # Items of a kind that are listed at a time.
 MOST_ITEMS = 10
@@ -51,7 +52,8 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         later.operator("ed.redo", text="After", icon="HIDE_OFF" if after else "BLANK1")
         notes = notice.words.splitlines()
         if notes:
-            many = "1 thing needs a look" if len(notes) == 1 else f"{len(notes)} things need a look"
+            one = said("1 thing needs a look")
+            many = one if len(notes) == 1 else said("{} things need a look", len(notes))
             fold(box, settings, "open_notes", many)
             for note in notes if settings.open_notes else ():
                 draw_words(context, box, note, "DOT", boxed=True)
@@ -66,7 +68,7 @@ def draw_kinds(layout, settings, sources):
             _draw_kind(column, settings, kind, names)
     lacking = [kind for kind, names in listed if not names]
     if lacking:
-        fold(layout, settings, "open_lacking", f"{len(lacking)} more that the source lacks")
+        fold(layout, settings, "open_lacking", said("{} more that the source lacks", len(lacking)))
         for kind in lacking if settings.open_lacking else ():
             line = layout.row()
             line.active = False
@@ -83,7 +85,7 @@ def _draw_kind(layout, settings, kind, names):
     count = row.row()
     count.alignment = "RIGHT"
     count.active = False
-    count.label(text=str(len(names)) if chosen == len(names) else f"{chosen} of {len(names)}")
+    count.label(text=str(len(names)) if chosen == len(names) else said("{} of {}", chosen, len(names)))
     if not getattr(settings, opened):
         return
     box = layout.box().column()
@@ -121,7 +123,7 @@ def _draw_items(column, settings, kind, names):
         )
         button.item = f"{kind.identifier}/{name}"
     if pages > 1:
-        column.prop(settings, "item_page", text=f"Page of {pages}")
+        column.prop(settings, "item_page", text=said("Page of {}", pages))
     if not wanted:
         column.label(text="No name with these letters")
 

@@ -10,6 +10,7 @@ from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_
 from .. import landmarks, mesh_read, overlay, pair
 from ..mesh_read import UnusableObjectError
 from ..overlay import Picking, Point
+from ..translation import said
 from .step import Step, going_on, needs_pair
 
 # Where a modifier changes the vertices, the vertex nearest to the place under the pointer is taken, if the
@@ -219,11 +220,12 @@ def hint(context):
     found = pair.resolve(context)
     first = overlay.picking.first
     if first is None:
-        return f"Click a point on '{found.source.name}'"
+        return said("Click a point on '{}'", found.source.name)
     if first.object in found.source.whole:
-        where = f"'{found.targets[0].name}'" if len(found.targets) == 1 else "a target"
-        return f"Click the same point on {where}"
-    return f"Click the same point on '{found.source.name}'"
+        if len(found.targets) > 1:
+            return said("Click the same point on a target")
+        return said("Click the same point on '{}'", found.targets[0].name)
+    return said("Click the same point on '{}'", found.source.name)
 
 
 class SPECTRAL_MATCH_OT_add_landmark(Step, Operator):

@@ -58,7 +58,7 @@ def prepare(route, wanted, options):
             f"The rig '{own[0].object.name}' of '{route.target.name}' was replaced: it stays in the scene, "
             "hidden, with its Armature modifier off"
         )
-        notes += hung.words({modifier.object for modifier in own})
+        notes += hung.words({modifier.object for modifier in own}, route.targets)
     for rig in rigs(route.source):
         if rig.name not in wanted:
             continue
@@ -209,6 +209,8 @@ def _own_rig(route, rig, named, replaced):
     if before is not None and _has_bones(before, named):
         return before, False
     own = object_copy(rig, target)
+    if replaced:
+        own.name = f"{rig.name} {replaced[0].name}"
     own.data = copied(rig.data)
     own.data.name = own.name
     own.parent = None

@@ -5,6 +5,7 @@ import bpy
 import numpy as np
 
 from .listed import listed
+from .weights import armature_modifiers
 
 
 def hung_on(rigs):
@@ -13,20 +14,27 @@ def hung_on(rigs):
 
 
 def rehang(rigs, own):
-    """Hang what hangs on bones of these rigs on the bones of `own` that stand there, where it is at rest."""
+    """Hang what hangs on bones of these rigs on the bones of `own` that stand there, where it is at rest.
+
+    What `own` deforms hangs on it as a whole: else it would be moved twice.
+    """
     for obj in hung_on(rigs):
         before, bone = obj.parent, obj.parent.data.bones.get(obj.parent_bone)
         if bone is None:
             continue
-        after = own.data.bones[_nearest(before, bone, own)]
         offset = before.matrix_world @ _end(bone) @ obj.matrix_parent_inverse
-        obj.parent, obj.parent_bone = own, after.name
-        obj.matrix_parent_inverse = (own.matrix_world @ _end(after)).inverted_safe() @ offset
+        obj.parent, place = own, own.matrix_world
+        if any(modifier.object == own for modifier in armature_modifiers(obj)):
+            obj.parent_type, obj.parent_bone = "OBJECT", ""
+        else:
+            obj.parent_bone = _nearest(before, bone, own)
+            place = place @ _end(own.data.bones[obj.parent_bone])
+        obj.matrix_parent_inverse = place.inverted_safe() @ offset
 
 
-def words(rigs):
-    """A note on what follows another rig."""
-    names = [obj.name for obj in hung_on(rigs)]
+def words(rigs, targets):
+    """A note on what follows another rig, beside the meshes of the target."""
+    names = [obj.name for obj in hung_on(rigs) if obj not in targets]
     return [f"What hung on its bones follows the new rig: {listed(names)}"] if names else []
 
 

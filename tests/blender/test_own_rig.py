@@ -70,6 +70,22 @@ def test_what_hangs_on_the_replaced_rig_follows_the_new_one(figures):
     assert "follows the new rig: Thing" in notice.words
 
 
+def test_a_mesh_that_hung_on_a_bone_is_moved_once(figures):
+    """The target itself hangs on a bone of its old rig: the new one deforms it, where it stood."""
+    source, target, _, own = figures
+    bone = own.data.bones["b_head"]
+    place = target.obj.matrix_world.copy()
+    target.obj.parent, target.obj.parent_type, target.obj.parent_bone = own, "BONE", bone.name
+    target.obj.matrix_world = place
+    bpy.context.view_layer.update()
+    transfer(source.obj, target.obj, kinds="groups,armature")
+    fitted = target.obj.find_armature()
+    assert (target.obj.parent, target.obj.parent_type) == (fitted, "OBJECT")
+    fitted.pose.bones["head"].location.y = 1.0
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(target.obj.matrix_world, place, atol=1e-5)
+
+
 def test_groups_of_both_rigs_are_kept_beside_the_new_ones(figures):
     source, target, rig, own = figures
     own.data.bones["b_hips"].name = "hips"
