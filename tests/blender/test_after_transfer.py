@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What an artist meets around a transfer: a summary, a stop, a search in lists, presets and menus."""
+
+from pathlib import Path
+
+import bpy
+import numpy as np
+import pytest
+from conftest import choose, lumpy, new_object
+from test_transfer import store_identity
+
+from addon import menus, notice, palette
+from addon.mesh_read import value_of
+from addon.operators.carry import carry
+from addon.transfer import Carried
+
+GROUPS = [f"Bone {number:02}" for number in range(25)]
+
+
+@pytest.fixture
+def bodies(scene):
+    """A source with groups and a UV map, and a target that is its copy, matched."""
+    source, target = new_object("Source", *lumpy(8)), new_object("Target", *lumpy(8))
+    for number, name in enumerate(GROUPS):
+        source.vertex_groups.new(name=name).add([number], 1.0, "REPLACE")
+    source.data.uv_layers.new(name="UVMap")
+    store_identity(source, target)
+    choose(source, target)
+    return source, target
+
+
+def test_what_came_is_counted_in_words(bodies, scene):
+    _, target = bodies
+    scene.spectral_match.skip("groups", GROUPS[0], True)
+    scene.spectral_match.use_marks = False
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    assert notice.done == "Done: 24 groups, 1 UV map"
+    assert len(target.vertex_groups) == 24
+    assert scene.spectral_match.transfers == notice.transfer == 1
+    bpy.ops.spectral_match.dismiss()
+    assert not notice.done
+
+
+def test_one_kind_without_a_plural_is_not_counted():
+    brought = Carried({"armature": ["Rig"], "keys": ["A"], "groups": ["A", "B"]})
+    brought.add(Carried({"groups": ["B", "C"], "marks": ["Seams"]}, ["look"]))
+    assert brought.summary() == "3 groups, 1 key, marks, rig" and brought.notes == ["look"]
+
+
+def test_a_transfer_that_is_stopped_changes_nothing(bodies, scene):
+    source, target = bodies
+    objects = set(bpy.data.objects)
+    going = carry(bpy.context, source, [target], scene.spectral_match, lambda *_: True)
+    shares = []
+    for share, words in going:
+        shares.append(share)
+        assert words
+        if share == 1.0:
+            # Everything is computed, and nothing written.
+            break
+    going.close()
+    assert shares == sorted(shares) and len(shares) > 2
+    assert not target.vertex_groups and not target.data.uv_layers
+    assert set(bpy.data.objects) == objects and target.mode == "OBJECT"
+    brought = value_of(carry(bpy.context, source, [target], scene.spectral_match, lambda *_: True))
+    assert len(brought.names["groups"]) == len(target.vertex_groups) == len(GROUPS)
+
+
+def test_all_and_none_mean_what_the_search_finds(bodies, scene):
+    settings = scene.spectral_match
+    settings.item_search = "bone 1"
+    bpy.ops.spectral_match.choose_items(kind="groups", take=False)
+    skipped = [name for name in GROUPS if settings.skips("groups", name)]
+    assert skipped == GROUPS[10:20]
+    settings.item_search = ""
+    bpy.ops.spectral_match.choose_items(kind="groups", take=True)
+    assert not settings.skipped
+
+
+def test_presets_are_named_as_artists_write_them():
+    folder = Path(menus.__file__).parent / "presets" / "spectral_match"
+    names = {bpy.path.display_name(path.name) for path in folder.glob("*.py")}
+    assert names == {"Game character", "Texturing", "Rig", "Retopology / LOD", "Face"}
+
+
+@pytest.mark.parametrize("name", menus.MENUS)
+def test_steps_are_in_the_menus_of_objects(registered, name):
+    assert menus.DRAWN[name] in getattr(bpy.types, name)._dyn_ui_initialize()
+
+
+def test_sides_differ_in_hue():
+    """Two points that mirror each other differ more than two that lie beside each other."""
+    rng = np.random.default_rng(5)
+    points = rng.uniform(-1.0, 1.0, (400, 3)) * (0.4, 0.2, 1.0)
+    points = points[np.abs(points[:, 0]) > 0.1]
+    both = np.concatenate([points, points * (-1.0, 1.0, 1.0), points + (0.02, 0.0, 0.0)])
+    own, other, beside = np.split(palette.surface_colours(both)[:, :3], 3)
+    assert np.linalg.norm(own - other, axis=1).min() > 3.0 * np.linalg.norm(own - beside, axis=1).mean()
