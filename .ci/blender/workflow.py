@@ -86,8 +86,10 @@ class MainThread:
 
     def watch(self):
         """Measure every function of ours that Blender calls."""
-        match, overlay, stored = addon("operators.match"), addon("overlay"), addon("stored_match")
-        self._mark_writing(match.JobOperator, "_end")
+        overlay, stored = addon("overlay"), addon("stored_match")
+        self._mark_writing(addon("operators.running").JobOperator, "_end")
+        # A transfer computes and writes while nothing else can be done.
+        self._mark_writing(addon("operators.carry").SPECTRAL_MATCH_OT_transfer, "_read_on")
         for cls in (*addon("operators").CLASSES, *addon("panels").CLASSES):
             for name in (
                 "poll",
