@@ -9,6 +9,7 @@ import numpy as np
 from bpy.props import BoolProperty
 from mathutils import Matrix, Vector
 
+from .. import character
 from ..mesh_read import UnusableObjectError
 from . import hung
 from .actions import actions_of, own_actions
@@ -209,8 +210,7 @@ def _own_rig(route, rig, named, replaced):
     if before is not None and _has_bones(before, named):
         return before, False
     own = object_copy(rig, target)
-    if replaced:
-        own.name = f"{rig.name} {replaced[0].name}"
+    own.name = f"{rig.name} {replaced[0].name if replaced else character.of(target).name}"
     own.data = copied(rig.data)
     own.data.name = own.name
     own.parent = None
