@@ -7,6 +7,9 @@ GROUP = MODIFIER = "Spectral Match Morph"
 # Inputs of the group, made in this order, by their identifiers, which stay when somebody renames them.
 FACTOR, SOURCE, IN_PLACE = "Socket_1", "Socket_2", "Socket_3"
 
+# So that the first press shows something: the target as the source's surface.
+AT_FIRST = 1.0
+
 
 def modifier_of(obj):
     """The morph modifier of an object, or None."""
@@ -57,6 +60,7 @@ def add(target):
     if not is_whole(modifier):
         modifier.node_group = make_group()
     set_value(modifier, SOURCE, target.spectral_match_source)
+    set_value(modifier, FACTOR, AT_FIRST)
     return modifier
 
 
@@ -73,7 +77,8 @@ def remove(target):
 def make_group():
     """Position = mix(position, match_position, factor), `match_position` seen from the target's own space.
 
-    With In Place it is taken as it stands, so that the target takes the source's shape where it is.
+    With In Place only its direction from the source's origin is, so that the target takes the source's shape,
+    turned and scaled as that is, about its own origin.
     Vertices without a match, as of a mesh joined to the target later, stay.
     """
     group = bpy.data.node_groups.new(GROUP, "GeometryNodeTree")
@@ -108,6 +113,7 @@ def make_group():
     image.inputs["Name"].default_value = "match_position"
     there = node("GeometryNodeObjectInfo", (-560, -420), transform_space="RELATIVE")
     moved = node("FunctionNodeTransformPoint", (-320, -300))
+    turned = node("FunctionNodeTransformDirection", (-320, -460))
     chosen = node("GeometryNodeSwitch", (-100, -200), input_type="VECTOR")
     own = node("GeometryNodeInputPosition", (-100, -80))
     mixed = node("ShaderNodeMix", (140, -120), data_type="VECTOR")
@@ -118,7 +124,9 @@ def make_group():
     links.new(there.outputs["Transform"], moved.inputs["Transform"])
     links.new(incoming.outputs["In Place"], chosen.inputs["Switch"])
     links.new(moved.outputs["Vector"], chosen.inputs["False"])
-    links.new(image.outputs["Attribute"], chosen.inputs["True"])
+    links.new(image.outputs["Attribute"], turned.inputs["Direction"])
+    links.new(there.outputs["Transform"], turned.inputs["Transform"])
+    links.new(turned.outputs["Direction"], chosen.inputs["True"])
     vectors = [socket for socket in mixed.inputs if socket.type == "VECTOR" and socket.enabled]
     links.new(incoming.outputs["Factor"], next(s for s in mixed.inputs if s.enabled and s.name == "Factor"))
     links.new(own.outputs["Position"], vectors[-2])

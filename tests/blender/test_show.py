@@ -80,19 +80,27 @@ def set_input(obj, name, value):
 def test_morph_moves_the_target_onto_the_source(pair):
     source, target, _ = pair
     source.location, source.scale = (1.0, 2.0, 3.0), (1.0, 0.5, 2.0)
+    source.rotation_euler, target.rotation_euler, target.scale = (
+        (0.3, 0.0, 1.0),
+        (0.0, 0.7, 0.0),
+        (2.0, 2.0, 2.0),
+    )
     bpy.context.view_layer.update()
     bpy.ops.spectral_match.match()
     own = shown(target).copy()
     image = read_attribute(target.data.attributes["match_position"])
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
-    np.testing.assert_allclose(shown(target), own, atol=1e-5)
     placed = target.matrix_world.inverted() @ source.matrix_world
     there = image @ np.array(placed)[:3, :3].T + np.array(placed)[:3, 3]
-    for factor in (0.25, 1.0):
-        set_input(target, morph.FACTOR, factor)
+    for factor in (1.0, 0.25, 0.0, 1.0):
+        # The first press shows the whole way.
+        if factor != morph.value(morph.modifier_of(target), morph.FACTOR):
+            set_input(target, morph.FACTOR, factor)
         np.testing.assert_allclose(shown(target), own + factor * (there - own), atol=1e-4)
     set_input(target, morph.IN_PLACE, True)
-    np.testing.assert_allclose(shown(target), image, atol=1e-4)
+    # The source's shape as it stands in the world, about the target's own origin.
+    world = shown(target) @ np.array(target.matrix_world)[:3, :3].T
+    np.testing.assert_allclose(world, image @ np.array(source.matrix_world)[:3, :3].T, atol=1e-4)
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
     assert not target.modifiers and morph.GROUP not in bpy.data.node_groups
 
