@@ -170,8 +170,9 @@ def _moves(obj, bone):
 
 
 def skin_of(obj):
-    """The armature that deforms an object, or None."""
-    return next((m.object for m in obj.modifiers if m.type == "ARMATURE" and m.object is not None), None)
+    """The armature that deforms an object, by a modifier that is on if any is, or None."""
+    found = [m for m in obj.modifiers if m.type == "ARMATURE" and m.object is not None]
+    return next((m.object for m in sorted(found, key=lambda m: not m.show_viewport)), None)
 
 
 def held_by_bone(obj):

@@ -10,7 +10,7 @@ from . import landmarks, manual, morph, notice, overlay, pair, palette, stored_m
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_words, fold
 from .operators import pick, show
 from .operators.settings import PRESETS
-from .translation import said
+from .translation import OWN_CONTEXT, said
 
 GRADE_ICONS = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
 SWAPPED = "Left and right are swapped, as you asked"
@@ -371,6 +371,7 @@ class VIEW3D_UL_spectral_match_landmarks(UIList):
 
 class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
     bl_label = "Fix"
+    bl_translation_context = OWN_CONTEXT
     bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}
 
@@ -426,6 +427,7 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
 
 class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
     bl_label = "Batch"
+    bl_translation_context = OWN_CONTEXT
     bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}
 

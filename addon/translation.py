@@ -6,8 +6,10 @@ import bpy
 from .translation_table import TABLE
 
 LANGUAGES = ("ja_JP", "zh_HANS")
+# What Blender's own table has under another meaning, as Fix, is looked up among ours first.
+OWN_CONTEXT = "Spectral Match"
 # Buttons look their texts up among operators, all else without a context.
-CONTEXTS = ("*", "Operator")
+CONTEXTS = ("*", "Operator", OWN_CONTEXT)
 
 
 def said(text, *values):

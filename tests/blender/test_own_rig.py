@@ -9,7 +9,7 @@ from conftest import lumpy, new_object
 from test_transfer import store_identity, transfer
 from test_weights import give, rig_of, table_of
 
-from addon import notice
+from addon import character, notice
 
 
 def renamed(name):
@@ -81,6 +81,7 @@ def test_a_mesh_that_hung_on_a_bone_is_moved_once(figures):
     transfer(source.obj, target.obj, kinds="groups,armature")
     fitted = target.obj.find_armature()
     assert (target.obj.parent, target.obj.parent_type) == (fitted, "OBJECT")
+    assert character.skin_of(target.obj) == fitted and character.of(fitted).whole == (target.obj,)
     fitted.pose.bones["head"].location.y = 1.0
     bpy.context.view_layer.update()
     np.testing.assert_allclose(target.obj.matrix_world, place, atol=1e-5)
