@@ -181,11 +181,22 @@ def close_panel(hides, share=0.5):
     raise AssertionError(f"no header above {hides}")
 
 
+def lowest(share=0.15):
+    """`yield from`: how far from the sidebar's top the lowest button or field is."""
+    for row in reversed(range(FIRST_ROW, region("UI").height, ROW)):
+        if (yield from _command_at(share, row)):
+            return row
+    return None
+
+
 def open_panel(after, reveals, share=0.5):
-    """`yield from`: open the panel whose header follows the button `after`, and so the button `reveals`."""
+    """`yield from`: open the panel whose header follows the button `after`, and so the button `reveals`.
+
+    With None it follows the lowest button.
+    """
     if (yield from find(reveals, share)) is not None:
         return
-    start = yield from find(after)
+    start = (yield from lowest()) if after is None else (yield from find(after))
     assert start is not None, f"no button for {after}"
     for distance in HEADERS:
         click(*point("UI", 70, start + distance))
