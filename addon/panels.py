@@ -9,7 +9,7 @@ from . import job as job_module
 from . import landmarks, manual, morph, notice, overlay, pair, palette, stored_match, transfer_panel, wording
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_words, fold
 from .operators import pick, show
-from .operators.settings import PRESETS
+from .operators.settings import PRESETS, SPECTRAL_MATCH_MT_presets
 from .translation import OWN_CONTEXT, said
 
 GRADE_ICONS = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
@@ -440,6 +440,11 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
             words = said("Select several targets to match and transfer to all of them at once")
         draw_words(context, layout, words)
         layout.operator("spectral_match.batch", icon="DUPLICATE")
+        source = pair.shown(context).source
+        if source is not None and count and not pair.matched(context):
+            # After a match the panel Transfer shows it.
+            layout.menu("SPECTRAL_MATCH_MT_presets", text=SPECTRAL_MATCH_MT_presets.bl_label)
+            transfer_panel.draw_kinds(layout, context.scene.spectral_match, source.pieces)
 
 
 CLASSES = (

@@ -192,7 +192,8 @@ class SPECTRAL_MATCH_OT_choose_items(Step, Operator):
         kind = next(kind for kind in KINDS if kind.identifier == self.kind)
         pieces = pair.matched_pieces(context)
         sources = dict.fromkeys(obj for piece in pieces for obj, _, _ in stored_match.sources_of(piece))
-        for name in settings.found(names_of(kind, list(filter(character.is_there, sources)))):
+        listed = list(filter(character.is_there, sources)) or pair.resolve(context).source_pieces
+        for name in settings.found(names_of(kind, listed)):
             settings.skip(self.kind, name, not self.take)
         return {"FINISHED"}
 

@@ -41,7 +41,8 @@ def worst(scene, rig, own, facing=None, names=None):
 
 
 @pytest.mark.parametrize("poses", ["TA", "AT"])
-@pytest.mark.parametrize(("scale", "y_up"), [(1.0, False), (0.01, True), (100.0, False)])
+@pytest.mark.parametrize("scale", [0.01, 1.0, 100.0])
+@pytest.mark.parametrize("y_up", [False, True])
 def test_limbs_point_as_the_source_s(scene, poses, scale, y_up):
     source, target, rig = pair(poses=poses, size=1.7, scale=scale, y_up=y_up)
     walk(rig)
