@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be carried over: a module for each kind of data, its `KIND` listed in `KINDS`."""
 
+import re
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 
@@ -62,6 +63,9 @@ KINDS = (
 OF_FIGURES = (armatures.KIND, companions.KIND)
 # Kinds of which each mesh of a target gets all, whichever mesh of the source answers.
 OVER_ALL = (vertex_groups.KIND, shape_keys.KIND, *OF_FIGURES)
+
+# A figure in a note, apart from those in names.
+FIGURE = re.compile(r"(?<![\w'.])\d+(?:\.\d+)?(?![\w'])")
 
 # Both classes only bring properties to the property group or operator that inherits them.
 TransferOptions = type(
@@ -175,17 +179,20 @@ def carry_all(targets, name, options, chosen):
 
 
 def said_once(said):
-    """Words about meshes, in pairs (mesh, words): what is the same of several is said once, of the first and
-    how many more there are.
+    """Words about meshes, in pairs (mesh, words): what is the same of several, but for its figures, is said
+    once, of the one with the largest figures and how many more there are.
     """
     told = {}
     for obj, words in said:
-        told.setdefault(words.replace(f"'{obj.name}'", "\0"), []).append(obj.name)
+        words = words.replace(f"'{obj.name}'", "\0")
+        figures = tuple(map(float, FIGURE.findall(words)))
+        told.setdefault(FIGURE.sub("", words), []).append((figures, obj.name, words))
     notes = []
-    for words, names in told.items():
-        others = len(set(names)) - 1
+    for alike in told.values():
+        _, name, words = max(alike, key=lambda each: each[0])
+        others = len({other for _, other, _ in alike}) - 1
         more = f" and {others} more mesh{'es' if others > 1 else ''}" if others else ""
-        notes.append(words.replace("\0", f"'{names[0]}'{more}"))
+        notes.append(words.replace("\0", f"'{name}'{more}"))
     return notes
 
 

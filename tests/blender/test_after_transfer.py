@@ -12,7 +12,7 @@ from test_transfer import store_identity
 from addon import menus, notice, palette
 from addon.mesh_read import value_of
 from addon.operators.carry import carry
-from addon.transfer import Carried
+from addon.transfer import Carried, said_once
 
 GROUPS = [f"Bone {number:02}" for number in range(25)]
 
@@ -96,3 +96,26 @@ def test_sides_differ_in_hue():
     both = np.concatenate([points, points * (-1.0, 1.0, 1.0), points + (0.02, 0.0, 0.0)])
     own, other, beside = np.split(palette.surface_colours(both)[:, :3], 3)
     assert np.linalg.norm(own - other, axis=1).min() > 3.0 * np.linalg.norm(own - beside, axis=1).mean()
+
+
+def test_notes_that_differ_in_figures_are_one():
+    """The worst is said, and of how many more; a figure in a name is no figure."""
+
+    class Mesh:
+        def __init__(self, name):
+            self.name = name
+
+    arm, leg, hat = Mesh("Arm.1"), Mesh("Leg"), Mesh("Hat")
+    notes = said_once(
+        [
+            (arm, "'Arm.1' overlaps: 12% of it"),
+            (leg, "'Leg' overlaps: 80.5% of it"),
+            (hat, "'Hat' has no 'UV2'"),
+            (arm, "'Arm.1' has no 'UV3'"),
+        ]
+    )
+    assert notes == [
+        "'Leg' and 1 more mesh overlaps: 80.5% of it",
+        "'Hat' has no 'UV2'",
+        "'Arm.1' has no 'UV3'",
+    ]
