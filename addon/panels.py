@@ -136,7 +136,8 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         if count:
             hint = layout.row()
             hint.active = False
-            hint.label(text=said("With {} landmarks", count), icon="EMPTY_AXIS")
+            words = said("With 1 landmark") if count == 1 else said("With {} landmarks", count)
+            hint.label(text=words, icon="EMPTY_AXIS")
 
     @staticmethod
     def _draw_progress(context, layout, job):

@@ -94,8 +94,9 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
         description="Match all meshes of a character together, whichever of them is chosen. Off: match the "
         "chosen meshes by themselves",
     )
-    source_piece: IntProperty(name="Piece", description="Line of the list of the source's meshes")
-    target_piece: IntProperty(name="Piece", description="Line of the list of the target's meshes")
+    # Lines of the lists of meshes.
+    source_piece: IntProperty(name="Piece")
+    target_piece: IntProperty(name="Piece")
     shape: EnumProperty(
         name="Shape",
         items=(
@@ -150,7 +151,8 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
     open_details: BoolProperty(name="Details", description="Show what the matcher measured")
     open_notes: BoolProperty(name="Notes", description="Show what needs a look")
     open_lacking: BoolProperty(name="Lacking", description="Show what the source does not have")
-    transfers: IntProperty(description="How many transfers there were; undo takes them back")
+    # How many transfers there were; undo takes them back.
+    transfers: IntProperty()
 
     landmarks: CollectionProperty(type=SPECTRAL_MATCH_PG_landmark)
     landmark_index: IntProperty(name="Landmark", description="Chosen pair of landmarks")

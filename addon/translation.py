@@ -3,6 +3,7 @@
 
 import bpy
 
+from .tooltip_table import TOOLTIPS
 from .translation_table import TABLE
 
 LANGUAGES = ("ja_JP", "zh_HANS")
@@ -19,7 +20,7 @@ def said(text, *values):
 
 def register():
     tables = {
-        language: {(context, row[0]): row[place] for row in TABLE for context in CONTEXTS}
+        language: {(context, row[0]): row[place] for row in (*TABLE, *TOOLTIPS) for context in CONTEXTS}
         for place, language in enumerate(LANGUAGES, start=1)
     }
     bpy.app.translations.register(__package__, tables)

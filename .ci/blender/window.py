@@ -181,24 +181,16 @@ def close_panel(hides, share=0.5):
     raise AssertionError(f"no header above {hides}")
 
 
-def lowest(share=0.15):
-    """`yield from`: how far from the sidebar's top the lowest button or field is."""
-    for row in reversed(range(FIRST_ROW, region("UI").height, ROW)):
-        if (yield from _command_at(share, row)):
-            return row
-    return None
-
-
-def open_panel(after, reveals, share=0.5):
+def open_panel(after, reveals, share=0.5, *, last=False):
     """`yield from`: open the panel whose header follows the button `after`, and so the button `reveals`.
 
-    With None it follows the lowest button.
+    Where several headers follow it, that is the `last` of them.
     """
     if (yield from find(reveals, share)) is not None:
         return
-    start = (yield from lowest()) if after is None else (yield from find(after))
+    start = yield from find(after)
     assert start is not None, f"no button for {after}"
-    for distance in HEADERS:
+    for distance in reversed(HEADERS) if last else HEADERS:
         click(*point("UI", 70, start + distance))
         yield from redrawn()
         if (yield from find(reveals, share, below=start)) is not None:
