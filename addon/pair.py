@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 import bpy
 from bpy.app.handlers import persistent
 
-from . import character
+from . import character, job
 from .character import Character, is_there
 from .translation import said
 
@@ -68,8 +68,11 @@ def resolve(context):
 def shown(context):
     """What `resolve` finds, for panels and polls, of which every redraw asks many times: kept for a moment.
 
-    Without a window it is found anew each time.
+    Without a window it is found anew each time. While a job blocks the window, all stays what it was before,
+    since there are objects of its own.
     """
+    if _kept and job.current is not None and job.current.blocks:
+        return _kept[2]
     scene, now = context.scene.session_uid, time.monotonic()
     if bpy.app.background or not _kept or _kept[0] != scene or now - _kept[1] > KEPT_SECONDS:
         _kept[:] = [scene, now, resolve(context)]
@@ -78,11 +81,18 @@ def shown(context):
 
 @persistent
 def _forget(_scene=None, _unused=None):
+    if job.current is None or not job.current.blocks:
+        _kept.clear()
+
+
+@persistent
+def _forget_file(_path, _unused=None):
     _kept.clear()
 
 
-HANDLERS = tuple(
-    (moment, _forget) for moment in ("depsgraph_update_post", "undo_post", "redo_post", "load_pre")
+HANDLERS = (
+    *((moment, _forget) for moment in ("depsgraph_update_post", "undo_post", "redo_post")),
+    ("load_pre", _forget_file),
 )
 
 

@@ -9,7 +9,7 @@ import pytest
 from conftest import choose, lumpy, new_object
 from test_transfer import store_identity
 
-from addon import menus, notice, palette
+from addon import job, menus, notice, pair, palette
 from addon.mesh_read import value_of
 from addon.operators.carry import carry
 from addon.transfer import Carried, said_once
@@ -119,3 +119,16 @@ def test_notes_that_differ_in_figures_are_one():
         "'Hat' has no 'UV2'",
         "'Arm.1' has no 'UV3'",
     ]
+
+
+def test_the_pair_stays_while_a_transfer_has_objects_of_its_own(bodies, scene, monkeypatch):
+    source, target = bodies
+    monkeypatch.setattr(pair, "_kept", [scene.session_uid, 0.0, pair.resolve(bpy.context)])
+    running = job.Job()
+    running.blocks = True
+    monkeypatch.setattr(job, "current", running)
+    new_object("Third", *lumpy(6)).select_set(True)
+    pair._forget()
+    assert [body.lead for body in pair.shown(bpy.context).targets] == [target]
+    monkeypatch.setattr(job, "current", None)
+    assert len(pair.shown(bpy.context).targets) == 2
