@@ -140,7 +140,7 @@ def _command_at(share, row):
     subprocess.run(
         ["xdotool", "mousemove", str(int(x) - 4), y, "mousemove", x, y, "key", "ctrl+c"], check=True
     )
-    yield 0.08
+    yield 0.12
     found = bpy.context.window_manager.clipboard
     if found:
         _seen.setdefault(share, {})[found] = row
@@ -166,19 +166,6 @@ def press(command, share=0.5):
     assert row is not None, f"no button for {command}"
     click(*point("UI", (region("UI").width - 24) * share, row))
     yield 0.3
-
-
-def close_panel(hides, share=0.5):
-    """`yield from`: close the panel that the button `hides` is in, by the header above it, if it is open."""
-    row = yield from find(hides, share)
-    if row is None:
-        return
-    for distance in HEADERS:
-        click(*point("UI", 70, row - distance))
-        yield from redrawn()
-        if hides not in (yield from _command_at(share, row)):
-            return
-    raise AssertionError(f"no header above {hides}")
 
 
 def open_panel(after, reveals, share=0.5, *, last=False):

@@ -374,10 +374,8 @@ def steps():
     yield from window.shot("18_moved")
     ogre.data.vertices[0].co = there
     ogre.data.update()
-    choose(hero, ogre, third)
-    yield from window.close_panel("spectral_match.swap_sides")
-    yield from window.close_panel("spectral_match.transfer(")
-    yield from window.open_panel("spectral_match.follow_pointer", "spectral_match.batch", last=True)
+    choose(hero, third, character("Imp", (5.0, 0, 0), -0.1, 1.1, 1.8))
+    yield from window.open_panel("spectral_match.match(", "spectral_match.batch", last=True)
     yield from window.shot("19_batch")
     yield from window.press("spectral_match.batch")
     yield from idle("the batch", 240.0)
