@@ -8,7 +8,7 @@ from .character import is_there
 from .drawing import BIG, MatchedSubPanel, draw_words, fold
 from .operators.settings import SPECTRAL_MATCH_MT_presets
 from .transfer import KINDS, names_of
-from .translation import said
+from .translation import OWN_CONTEXT, said
 
 # Items of a kind that are listed at a time.
 MOST_ITEMS = 10
@@ -46,10 +46,12 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         after = settings.transfers >= notice.transfer
         before = row.row(align=True)
         before.enabled = after
-        before.operator("ed.undo", text="Before", icon="BLANK1" if after else "HIDE_OFF")
+        before.operator(
+            "ed.undo", text="Before", text_ctxt=OWN_CONTEXT, icon="BLANK1" if after else "HIDE_OFF"
+        )
         later = row.row(align=True)
         later.enabled = not after
-        later.operator("ed.redo", text="After", icon="HIDE_OFF" if after else "BLANK1")
+        later.operator("ed.redo", text="After", text_ctxt=OWN_CONTEXT, icon="HIDE_OFF" if after else "BLANK1")
         notes = notice.words.splitlines()
         if notes:
             one = said("1 thing needs a look")

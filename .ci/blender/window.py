@@ -168,16 +168,16 @@ def press(command, share=0.5):
     yield 0.3
 
 
-def open_panel(after, reveals, share=0.5, *, last=False):
+def open_panel(after, reveals, share=0.5, *, distances=HEADERS):
     """`yield from`: open the panel whose header follows the button `after`, and so the button `reveals`.
 
-    Where several headers follow it, that is the `last` of them.
+    Where several headers follow it, `distances` tells where the wanted one is.
     """
     if (yield from find(reveals, share)) is not None:
         return
     start = yield from find(after)
     assert start is not None, f"no button for {after}"
-    for distance in reversed(HEADERS) if last else HEADERS:
+    for distance in distances:
         click(*point("UI", 70, start + distance))
         yield from redrawn()
         if (yield from find(reveals, share, below=start)) is not None:

@@ -375,7 +375,8 @@ def steps():
     ogre.data.vertices[0].co = there
     ogre.data.update()
     choose(hero, third, character("Imp", (5.0, 0, 0), -0.1, 1.1, 1.8))
-    yield from window.open_panel("spectral_match.match(", "spectral_match.batch", last=True)
+    # Below Match Options; a click beneath all panels would go to the viewport.
+    yield from window.open_panel("spectral_match.match(", "spectral_match.batch", distances=(62,))
     yield from window.shot("19_batch")
     yield from window.press("spectral_match.batch")
     yield from idle("the batch", 240.0)

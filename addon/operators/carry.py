@@ -8,6 +8,7 @@ from .. import character, core, mesh_read, mesh_write, notice, pair, stored_matc
 from ..job import Job
 from ..mesh_read import UnusableObjectError
 from ..transfer import KINDS, Carried, TransferOptions, carry_all, checked, names_of
+from ..translation import said
 from . import show
 from .running import JobOperator
 from .step import Step, needs_matched
@@ -47,9 +48,13 @@ def _of_many(going, number, many):
 
 
 def _summary(brought, done):
-    """ "Done: 41 groups, rig", to how many targets if to several."""
-    many = f" to {len(done)} {'characters' if max(map(len, done)) > 1 else 'meshes'}" if len(done) > 1 else ""
-    return f"Done{many}: {brought.summary() or 'nothing to carry'}"
+    """Words such as "Done: 41 groups, rig", and to how many targets if to several."""
+    what = brought.summary() or said("nothing to carry")
+    if len(done) == 1:
+        return said("Done: {}", what)
+    if max(map(len, done)) > 1:
+        return said("Done to {} characters: {}", len(done), what)
+    return said("Done to {} meshes: {}", len(done), what)
 
 
 class GivenOptions:

@@ -25,6 +25,7 @@ from ..character import Character
 from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
 from ..transfer import Carried, checked
+from ..translation import said
 from . import show
 from .carry import carry
 from .running import JobOperator, redraw_sidebars
@@ -170,7 +171,7 @@ class MatchOperator(JobOperator):
         if not stored:
             return self.fail(" ".join(trouble))
         if brought.names:
-            done = f"Done: {brought.summary()}"
+            done = said("Done: {}", brought.summary())
             show.show_after_transfer(context, stored, brought)
             notice.finish(context, done, trouble)
         else:

@@ -127,7 +127,7 @@ class Carried:
         self.notes += other.notes
 
     def summary(self):
-        """ "41 vertex groups, 1 UV map, rig": in the panel's order."""
+        """Words such as "41 groups, 1 UV map, rig", in the order of the panel."""
         found = [(kind, len(self.names.get(kind.identifier, ()))) for kind in KINDS]
         return ", ".join(kind.counted(count) for kind, count in found if count)
 

@@ -5,6 +5,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
 
+from ..translation import said
+
 
 def _nothing():
     """Write nothing."""
@@ -49,8 +51,8 @@ class Kind:
     words: tuple = ()
 
     def counted(self, many):
-        """ "41 vertex groups"."""
+        """Words such as "41 groups"."""
         if len(self.words) == 1:
-            return self.words[0]
+            return said(self.words[0])
         one, several = self.words or (self.label.lower(), self.label.lower())
-        return f"{many} {one if many == 1 else several}"
+        return said(f"{{}} {one if many == 1 else several}", many)

@@ -11,6 +11,7 @@ import pytest
 from addon import job, panels, wording
 from addon.drawing import wrapped
 from addon.tooltip_table import TOOLTIPS
+from addon.transfer import KINDS
 from addon.translation import CONTEXTS, LANGUAGES, said
 from addon.translation_table import TABLE
 
@@ -43,6 +44,8 @@ def texts():
     found = set(wording.GRADES.values()) | {wording.NEARLY_GOOD, panels.SWAPPED, panels.SWAP_BACK}
     found |= {words for _, words in wording.PLAIN if words} | set(panels.ADVICE.values()) | {panels.LEGEND}
     found |= {words for words in job.STAGE_WORDS.values() if words[0].isupper()}
+    for kind in KINDS:
+        found |= set(kind.words) if len(kind.words) == 1 else {f"{{}} {word}" for word in kind.words}
     for path in ADDON.rglob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.Call):
