@@ -93,7 +93,11 @@ impl Bodies {
         let pair = |face: u32, weights: [f64; 3]| {
             let corners = wrapped.triangles[face as usize];
             let mixed = |of: &[Point]| blend(corners.map(|v| of[v as usize]), weights);
+            let confidence: f64 = (0..3)
+                .map(|k| weights[k] * map.confidence[corners[k] as usize])
+                .sum();
             Pair {
+                trust: confidence.max(settings.least_trust).powi(settings.trust),
                 from: (
                     mixed(&wrapped.vertices),
                     vector::normalised(mixed(&normals)),

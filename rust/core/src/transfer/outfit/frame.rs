@@ -22,6 +22,8 @@ pub struct Pair {
     pub from: (Point, Point),
     /// Position and normal on the target.
     pub to: (Point, Point),
+    /// How much it counts, above 0.
+    pub trust: f64,
 }
 
 /// Places spread evenly over the source's side of a map.
@@ -100,7 +102,7 @@ impl Samples {
 
     /// The frame around a point of the source with a normal, of a width.
     ///
-    /// With weights w = exp(−|x − q|²/2σ²) max(0, ⟨n, n(q)⟩)², means x̄ and ȳ, s² = Σw|y − ȳ|²/Σw|x − x̄|² and
+    /// With weights w = exp(−|x − q|²/2σ²) max(0, ⟨n, n(q)⟩)² · trust, means x̄ and ȳ, s² = Σw|y − ȳ|²/Σw|x − x̄|² and
     /// e² = Σw|x − x̄|²/2: C = Σw (y − ȳ)(x − x̄)ᵀ + e² s Σw m nᵀ and A = Σw (x − x̄)(x − x̄)ᵀ + e² Σw n nᵀ, of which
     /// J = (C + εsR)(A + ε)⁻¹, with R the turn of C. Without the normals n and m of source and target J would not
     /// know what to do with an offset from the surface; with them it scales it by s. None where nothing is near that
@@ -118,7 +120,7 @@ impl Samples {
         let near = self.tree.nearest_few(q, neighbours);
         let weight = |pair: &Pair, squared: f64| {
             let alike = vector::dot(pair.from.1, normal).max(0.0);
-            (-squared / (2.0 * width * width)).exp() * alike * alike
+            (-squared / (2.0 * width * width)).exp() * alike * alike * pair.trust
         };
         let weighted: Vec<(&Pair, f64)> = near
             .iter()
