@@ -657,6 +657,95 @@ class TestGarments:
         # The flat sides of the body of forty corners lie 0.3 % inside the circle.
         assert (tight > 0.996).all() and tight.mean() < 1.02
 
+    @classmethod
+    def between(cls, source, target, faces, confidence=None):
+        """The map between two tubes of the same vertices that takes each to itself."""
+        known = np.arange(len(source))
+        corners = np.array([np.flatnonzero((faces == v).any(axis=1))[0] for v in known])
+        weights = (faces[corners] == known[:, None]).astype(float)
+        return sgmds.SurfaceMap((source, faces), (target, faces), corners, weights, confidence)
+
+    def test_a_turned_and_scaled_body_takes_its_garment_with_it(self):
+        source, faces = self.tube(1.0, -3, 3)
+        sleeve, cloth = self.tube(1.03, -1, 1, along=30)
+        turn = np.linalg.qr(np.random.default_rng(3).normal(size=(3, 3)))[0]
+        turn *= np.sign(np.linalg.det(turn))
+        along = self.between(source, 2.5 * source @ turn.T + [1.0, -2.0, 0.5], faces)
+        fitted = along.fit(sleeve, cloth, collide=False)
+        # A similarity of the bodies is one of everything beside them, but for the ridge of the frames: a
+        # thousandth of the width of a frame.
+        np.testing.assert_allclose(fitted, 2.5 * sleeve @ turn.T + [1.0, -2.0, 0.5], atol=2e-3)
+        mirror = np.diag([-1.0, 1.0, 1.0])
+        # Faces are wound the other way, so that they are seen from outside.
+        mirrored = sgmds.SurfaceMap(
+            (source, faces), (source @ mirror, faces[:, ::-1]), along.faces, along.barycentric
+        )
+        np.testing.assert_allclose(mirrored.fit(sleeve, cloth, collide=False), sleeve @ mirror, atol=2e-3)
+
+    def test_layers_leave_a_fatter_body_in_their_order(self):
+        source, faces = self.tube(1.0, -3, 3)
+        inner, cloth = self.tube(1.01, -1, 1, along=30)
+        outer, _ = self.tube(1.02, -0.95, 1.05, along=30)
+        both = np.concatenate([outer, inner])
+        along = self.between(source, source * [1.3, 1.1, 1.0], faces)
+        fitted = along.fit(both, np.concatenate([cloth, cloth + len(outer)]))
+        bound = along.fitting(both, np.concatenate([cloth, cloth + len(outer)]))
+        above = bound.clearance(fitted)
+        assert above.min() > 0.0
+        assert above[: len(outer)].mean() > above[len(outer) :].mean() + 0.005
+
+    def test_stiff_pieces_keep_their_shape(self):
+        source, faces = self.tube(1.0, -3, 3)
+        sleeve, cloth = self.tube(1.05, -1, 1, along=30)
+        # A plate on one side, which can leave the body as a whole.
+        plate = cloth[(sleeve[cloth][..., 0] > 0.5).all(axis=1)]
+        used, corners = np.unique(plate, return_inverse=True)
+        sleeve, cloth = sleeve[used], corners.reshape(plate.shape)
+        along = self.between(source, source * [1.5, 1.0, 0.8], faces)
+        fitted = along.fit(sleeve, cloth, stiff=np.ones(len(sleeve), bool))
+
+        def shape(points):
+            lengths = np.linalg.norm(points[:, None] - points[::37], axis=2)
+            return lengths / lengths.mean()
+
+        np.testing.assert_allclose(shape(fitted), shape(sleeve), atol=1e-9)
+        assert along.fitting(sleeve, cloth).clearance(fitted).min() > 0.0
+
+    def test_what_the_skin_and_the_garment_have_comes_with_it(self):
+        source, faces = self.tube(1.0, -3, 3)
+        sleeve, cloth = self.tube(1.03, -1, 1, along=30)
+        target = source * [1.2, 1.2, 2.0]
+        along = self.between(source, target, faces)
+        # Two bones that change places along the tube.
+        upper = np.clip(target[:, 2:] / 4.0 + 0.5, 0.0, 1.0)
+        weights = along.fit_weights(sleeve, cloth, np.hstack([upper, 1.0 - upper]))
+        np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-12)
+        # The weights bend at ±1, between rings of the body: a quarter of their distance times the slope.
+        np.testing.assert_allclose(weights[:, 0], sleeve[:, 2] / 2.0 + 0.5, atol=0.5 * 6 / 59 / 4)
+        bound = along.fitting(sleeve, cloth)
+        raised = bound.displacements(np.tile([0.0, 0.0, 0.1], (len(sleeve), 1)))
+        np.testing.assert_allclose(raised, np.tile([0.0, 0.0, 0.2], (len(sleeve), 1)), atol=0.01)
+        hidden = bound.hidden(bound.place(), reach=0.1, margin=0.3)
+        # The sleeve reaches from −2 to 2 on the target, whose rings are a fifth apart.
+        assert hidden[np.abs(target[:, 2]) < 1.3].all() and not hidden[np.abs(target[:, 2]) > 1.75].any()
+
+    def test_bones_find_their_partners_in_order(self):
+        source, faces = self.tube(1.0, -3, 3)
+        along = self.between(source, source * [1.3, 1.3, 1.0], faces)
+
+        def chain(bones):
+            bone = np.clip(((source[:, 2] + 3.0) / 6.0 * bones).astype(int), 0, bones - 1)
+            return np.eye(bones)[bone], np.arange(bones) - 1
+
+        for one, other in ((5, 5), (5, 4), (4, 6)):
+            (weights, parents), (other_weights, other_parents) = chain(one), chain(other)
+            found = along.bones(weights, other_weights, parents, other_parents)
+            taken = found.partners[found.partners >= 0]
+            assert len(taken) == min(one, other) and (np.diff(taken) > 0).all()
+            assert found.nearest[0] == 0 and found.nearest[-1] == other - 1
+        with pytest.raises(sgmds.ArgumentError, match="parents of the source"):
+            along.bones(weights, other_weights, np.roll(parents, 1) + 1, other_parents)
+
     def test_nonsense_is_named(self):
         source, faces = self.tube(1.0, -3, 3)
         known = np.zeros(len(source), int)

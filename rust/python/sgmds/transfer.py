@@ -95,15 +95,62 @@ class Strands:
     confidence: Floats
 
 
-class Fitting:
-    """A garment bound to the bodies of a `SurfaceMap`; `SurfaceMap.fitting` makes it."""
+@dataclass(frozen=True)
+class BoneMap:
+    """Bones of the source's rig and those of the target's.
 
-    def __init__(self, core: _core.Fitting) -> None:
-        self._core = core
+    For each bone of the source: `partners` (bones,), the bone of the target that does what it does, −1 without
+    one, no bone twice; `shares` (bones,), the intersection over union of what the two move; `nearest` (bones,),
+    the bone that moves most of what it moves, whoever else's partner that is, −1 for a bone that moves no skin.
+    """
+
+    partners: Ids
+    shares: Floats
+    nearest: Ids
+
+
+class Fitting:
+    """Garments bound to the two bodies of a `SurfaceMap`, as `SurfaceMap.fitting` makes them.
+
+    Its vertices (n,) are those that were given, of all garments together. Placing them anew at another
+    distance to the skin takes a fraction of the time of binding.
+    """
+
+    def __init__(self, core: _core.Fitting, faces: Ids, count: int, skin: tuple[int, int]) -> None:
+        self._core, self._faces, self._count, self._skin = core, faces, count, skin
 
     def place(self, *, distance: float | None = None, tightness: float = 0.0, collide: bool = True) -> Floats:
-        """The garment on the target, (n, 3); the options are those of `SurfaceMap.fit`."""
-        return self._core.place(0.0 if distance is None else float(distance), float(tightness), bool(collide))
+        """The garments on the target, (n, 3); the options are those of `SurfaceMap.fit`."""
+        distance = 0.0 if distance is None else checked_number("distance", distance)
+        return self._core.place(distance, checked_number("tightness", tightness), bool(collide))
+
+    def clearance(self, vertices: ArrayLike) -> Floats:
+        """Distance to the target's skin (n,) of the garments' vertices at places (n, 3), negative within it."""
+        return self._core.clearance(self._vertices("vertices", vertices))
+
+    def displacements(self, offsets: ArrayLike) -> Floats:
+        """The garments' own shape keys: displacements (n, 3) of their vertices on the source, on the target."""
+        return self._core.displacements(self._vertices("offsets", offsets))
+
+    def hidden(self, vertices: ArrayLike, reach: float, margin: float) -> NDArray[np.bool_]:
+        """Which of the target's vertices the garments hide, (n_target,), with their vertices at places (n, 3).
+
+        Hidden is what lies under cloth at most `reach` above it, and along the edges at least `margin` from
+        skin that does not, both in the target's units.
+        """
+        vertices = self._vertices("vertices", vertices)
+        return self._core.hidden(vertices, checked_number("reach", reach), checked_number("margin", margin))
+
+    def on_target(self, vertices: ArrayLike) -> SurfaceMap:
+        """The map from the target's skin, here the source, to the garments with their vertices at (n, 3).
+
+        Along it travels what the skin has, such as its `skin_weights`.
+        """
+        core = self._core.on_target(self._vertices("vertices", vertices), self._faces)
+        return SurfaceMap._made(core, self._skin, (self._count, len(self._faces)))
+
+    def _vertices(self, name: str, values: ArrayLike) -> Floats:
+        return _finite(name, checked_array(name, values, np.float64, self._count, 3))
 
 
 class SurfaceMap:
@@ -157,6 +204,15 @@ class SurfaceMap:
             source, target, correspondence.faces, correspondence.barycentric, correspondence.confidence
         )
 
+    @classmethod
+    def _made(cls, core: _core.SurfaceMap, source: tuple[int, int], target: tuple[int, int]) -> SurfaceMap:
+        """One that the core made, between meshes of so many vertices and triangles."""
+        made = cls.__new__(cls)
+        made._core = core
+        made._source_count, made._source_triangles = source
+        made._target_count, made._target_triangles = target
+        return made
+
     @property
     def faces(self) -> Ids:
         """Source triangle of each target vertex, (n_target,).
@@ -186,11 +242,27 @@ class SurfaceMap:
         """How the map turns (n_target, 3, 3) and scales (n_target,) directions of the source."""
         return self._core.frames()
 
-    def fitting(self, vertices: ArrayLike, faces: ArrayLike) -> Fitting:
-        """A garment, vertices (n, 3) and triangles (m, 3), that the source wears, bound to both bodies: it is
-        then placed on the target by other distances in a fraction of the time."""
+    def fitting(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        *,
+        stiff: ArrayLike | None = None,
+        progress: Progress | None = None,
+    ) -> Fitting:
+        """Garments that the source wears, vertices (n, 3) and triangles (m, 3), bound to both bodies.
+
+        Several garments, such as the layers of an outfit, are given as one mesh: its pieces keep their order
+        over one another. They are taken as worn in the state of the source that was matched, and come to the
+        target in its own. `stiff` (n,) is true for vertices of pieces that keep their shape, such as hats and
+        glasses, as those do that are smaller than some five centimetres of a person. `progress` is as in
+        `match`.
+        """
         vertices, faces = mesh_of("garment", (vertices, faces))
-        return Fitting(self._core.bind(vertices, faces))
+        if stiff is not None:
+            stiff = checked_array("stiff", stiff, np.bool_, len(vertices))
+        bodies = (self._target_count, self._target_triangles)
+        return Fitting(self._core.bind(vertices, faces, stiff, progress), faces, len(vertices), bodies)
 
     def fit(
         self,
@@ -200,14 +272,66 @@ class SurfaceMap:
         distance: float | None = None,
         tightness: float = 0.0,
         collide: bool = True,
+        stiff: ArrayLike | None = None,
     ) -> Floats:
-        """A garment of the source, vertices (n, 3) and triangles (m, 3), as the target wears it, (n, 3).
+        """Garments of the source, vertices (n, 3) and triangles (m, 3), as the target wears them, (n, 3).
 
-        It follows the target's build around each of its points, keeps its own shape as far as that allows,
-        and stays out of the body. `distance` is added to the gap to the skin, in the target's units;
-        `tightness` takes so much of the gap away, 1 all of it; with `collide` false cloth may enter the body.
+        They follow the target's build around each of their points, keep their own shape as far as that
+        allows, and stay out of the body and in their order; garments and `stiff` are as in `fitting`.
+        `distance` is added to the gap to the skin, in the target's units; `tightness` takes so much of the gap
+        away, 1 all of it, and below 0 widens it; with `collide` false cloth may enter the body.
         """
-        return self.fitting(vertices, faces).place(distance=distance, tightness=tightness, collide=collide)
+        bound = self.fitting(vertices, faces, stiff=stiff)
+        return bound.place(distance=distance, tightness=tightness, collide=collide)
+
+    def fit_weights(
+        self, vertices: ArrayLike, faces: ArrayLike, weights: ArrayLike, *, reject_below: float = 0.0
+    ) -> Floats:
+        """Weights of the target's vertices for its bones (n_target, bones) at those of garments, (n, bones).
+
+        The garments, vertices (n, 3) and triangles (m, 3), are as the source wears them. Each vertex takes the
+        weights of the skin under it; with `reject_below` what lies over skin whose image is trusted less is
+        filled from the rest of its garment.
+        """
+        weights = checked_array("weights", weights, np.float64, self._target_count, None)
+        skin = _rows(_finite("weights", weights))
+        bound = self.fitting(vertices, faces)
+        along = bound.on_target(bound.place(collide=False))
+        found = along.skin_weights(*skin, weights.shape[1], reject_below=reject_below, normalize=False)
+        return found.dense(weights.shape[1])
+
+    def bones(
+        self,
+        source_weights: ArrayLike | SkinWeights,
+        target_weights: ArrayLike | SkinWeights,
+        source_parents: ArrayLike,
+        target_parents: ArrayLike,
+    ) -> BoneMap:
+        """Which bone of the target's rig does what each bone of the source's does, by what they move.
+
+        `source_weights` (n_source, bones) and `target_weights` (n_target, bones) are those of the two skins, as
+        tables or as `SkinWeights`;
+        `source_parents` and `target_parents` (bones,) the parent of each bone, −1 of a root. Two bones share
+        C/(|a| + |b| − C), with C the area in which both have weight times their weights, and |a| and |b| what
+        each has. Of all assignments in which what hangs on a bone goes to what hangs on its partner the one
+        that shares most is taken, so that a spine keeps its order whatever the number of its bones.
+        """
+        parents, weights = [], []
+        for side, values, above, count in (
+            ("source", source_weights, source_parents, self._source_count),
+            ("target", target_weights, target_parents, self._target_count),
+        ):
+            parents.append(checked_array(f"{side}_parents", above, np.int64, None))
+            if isinstance(values, SkinWeights):
+                rows = values.starts, values.groups, values.weights
+                kinds = np.uint32, np.uint32, np.float64
+                shapes = (count + 1,), (None,), (None,)
+                each = zip(rows, kinds, shapes, strict=True)
+                weights.append([checked_array(f"{side}_weights", row, kind, *shape) for row, kind, shape in each])
+            else:
+                values = checked_array(f"{side}_weights", values, np.float64, count, len(parents[-1]))
+                weights.append(_rows(_finite(f"{side}_weights", values)))
+        return BoneMap(*self._core.bones(*((*rows, above) for rows, above in zip(weights, parents, strict=True))))
 
     def displacements(self, offsets: ArrayLike, turn_only: bool = False) -> Floats:
         """Shape keys: displacements (n_source, 3), or of several keys (keys, n_source, 3), of the source's
@@ -496,6 +620,13 @@ def _faces(starts: ArrayLike, vertices: ArrayLike) -> tuple[Ids, Ids]:
         checked_array("face_starts", starts, np.int64, None),
         checked_array("corner_vertices", vertices, np.int64, None),
     )
+
+
+def _rows(table: Floats) -> tuple[NDArray[np.uint32], NDArray[np.uint32], Floats]:
+    """Starts, columns and numbers of what is not zero in a table, row by row."""
+    rows, columns = np.nonzero(table)
+    starts = np.searchsorted(rows, np.arange(len(table) + 1)).astype(np.uint32)
+    return starts, columns.astype(np.uint32), table[rows, columns]
 
 
 def _cell(tile: Any) -> tuple[int, int]:

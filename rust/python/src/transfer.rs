@@ -14,6 +14,8 @@ use sgmds_core::transfer::diffusion::Diffusion;
 use sgmds_core::transfer::joints::fitted_joints;
 use sgmds_core::transfer::normal_maps::{FixedSpace, TangentSpace};
 use sgmds_core::transfer::outfit::bodies::Bodies;
+use sgmds_core::transfer::outfit::bone_map::{Rig, bone_map};
+use sgmds_core::transfer::outfit::settings::Settings;
 use sgmds_core::transfer::outfit::{self, Sitting};
 use sgmds_core::transfer::seam_cuts::seam_cuts;
 use sgmds_core::transfer::skin_weights::{Locked, SkinOptions, SkinWeights, carried_skin};
@@ -78,7 +80,7 @@ pub struct Fitting {
 
 #[pymethods]
 impl Fitting {
-    /// Where the garment's vertices lie on the target, (n, 3).
+    /// Where the garments' vertices lie on the target, (n, 3).
     fn place<'py>(
         &self,
         py: Python<'py>,
@@ -92,8 +94,65 @@ impl Fitting {
             tightness,
             collide,
         };
-        let placed = watched(py, None, None, move |_| fitting.place(&sitting))?;
+        let placed = watched(py, None, None, move |state| {
+            fitting.place(&sitting, &|| state.check())
+        })?;
         table(py, placed)
+    }
+
+    /// Signed distance to the target of each vertex at positions (n, 3).
+    fn clearance<'py>(
+        &self,
+        py: Python<'py>,
+        positions: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Array1<'py, f64>> {
+        let (fitting, positions) = (Arc::clone(&self.fitting), triples(&positions)?);
+        let found = watched(py, None, None, move |_| fitting.clearance(&positions))?;
+        Ok(found.into_pyarray(py))
+    }
+
+    /// Displacements of the vertices (n, 3) on the source as on the target.
+    fn displacements<'py>(
+        &self,
+        py: Python<'py>,
+        offsets: PyReadonlyArray2<'py, f64>,
+    ) -> PyResult<Array2<'py, f64>> {
+        let (fitting, offsets) = (Arc::clone(&self.fitting), triples(&offsets)?);
+        let carried = watched(py, None, None, move |_| fitting.displacements(&offsets))?;
+        table(py, carried)
+    }
+
+    /// Which of the target's vertices the garments hide at positions (n, 3).
+    fn hidden<'py>(
+        &self,
+        py: Python<'py>,
+        positions: PyReadonlyArray2<'py, f64>,
+        reach: f64,
+        margin: f64,
+    ) -> PyResult<Array1<'py, bool>> {
+        let (fitting, positions) = (Arc::clone(&self.fitting), triples(&positions)?);
+        let found = watched(py, None, None, move |_| {
+            fitting.hidden(&positions, reach, margin)
+        })?;
+        Ok(found.into_pyarray(py))
+    }
+
+    /// The map from the target to the garments at positions (n, 3), with triangles (m, 3).
+    fn on_target(
+        &self,
+        py: Python<'_>,
+        positions: PyReadonlyArray2<'_, f64>,
+        triangles: PyReadonlyArray2<'_, i64>,
+    ) -> PyResult<SurfaceMap> {
+        let fitting = Arc::clone(&self.fitting);
+        let (positions, triangles) = (triples(&positions)?, triples(&triangles)?);
+        let map = watched(py, None, None, move |_| {
+            fitting.on_target(&positions, &triangles)
+        })?;
+        Ok(SurfaceMap {
+            map: Arc::new(map),
+            bodies: OnceLock::new(),
+        })
     }
 }
 
@@ -136,17 +195,26 @@ impl SurfaceMap {
         py: Python<'_>,
         vertices: PyReadonlyArray2<'_, f64>,
         triangles: PyReadonlyArray2<'_, i64>,
+        stiff: Option<Vec<bool>>,
+        progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Fitting> {
         let (map, known) = (Arc::clone(&self.map), self.bodies.get().cloned());
         let (vertices, triangles) = (triples(&vertices)?, triples(&triangles)?);
-        let (bodies, fitting) = watched(py, None, None, move |_| {
-            let settings = outfit::Settings::default();
+        let (bodies, fitting) = watched(py, progress, None, move |state| {
+            state.enter("garments", 0.0)?;
+            let settings = Settings::default();
             let bodies = match known {
                 Some(bodies) => bodies,
                 None => Arc::new(Bodies::new(map, &settings)?),
             };
-            let fitting =
-                outfit::Fitting::new(Arc::clone(&bodies), &vertices, &triangles, settings)?;
+            let fitting = outfit::Fitting::new(
+                Arc::clone(&bodies),
+                &vertices,
+                &triangles,
+                stiff.as_deref().unwrap_or_default(),
+                settings,
+                &|| state.check(),
+            )?;
             Ok((bodies, fitting))
         })?;
         // Another thread's are the same.
@@ -154,6 +222,48 @@ impl SurfaceMap {
         Ok(Fitting {
             fitting: Arc::new(fitting),
         })
+    }
+
+    /// For each bone of the source its partner on the target or −1, their share, and the nearest bone or −1.
+    ///
+    /// A rig is starts, bones and weights of rows of vertices, and the parent of each bone.
+    #[expect(clippy::type_complexity, reason = "one array for each")]
+    fn bones<'py>(
+        &self,
+        py: Python<'py>,
+        source: (Vec<u32>, Vec<u32>, Vec<f64>, Vec<i64>),
+        target: (Vec<u32>, Vec<u32>, Vec<f64>, Vec<i64>),
+    ) -> PyResult<(Array1<'py, i64>, Array1<'py, f64>, Array1<'py, i64>)> {
+        let map = Arc::clone(&self.map);
+        let found = watched(py, None, None, move |_| {
+            let skin =
+                |(starts, bones, weights, parents): (Vec<u32>, Vec<u32>, Vec<f64>, Vec<i64>)| {
+                    let skin = SkinWeights::new(starts, bones, weights, parents.len())?;
+                    Ok::<_, Error>((skin, parents))
+                };
+            let (source, target) = (skin(source)?, skin(target)?);
+            bone_map(
+                &map,
+                Rig {
+                    skin: &source.0,
+                    parents: &source.1,
+                },
+                Rig {
+                    skin: &target.0,
+                    parents: &target.1,
+                },
+            )
+        })?;
+        let number = |bone: Option<u32>| bone.map_or(-1, i64::from);
+        let each = found.iter();
+        let partners: Vec<i64> = each.clone().map(|p| number(p.bone)).collect();
+        let shares: Vec<f64> = each.clone().map(|p| p.share).collect();
+        let nearest: Vec<i64> = each.map(|p| number(p.nearest)).collect();
+        Ok((
+            partners.into_pyarray(py),
+            shares.into_pyarray(py),
+            nearest.into_pyarray(py),
+        ))
     }
 
     /// Source triangle of each target vertex, small parts on their counterparts.

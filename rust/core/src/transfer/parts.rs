@@ -213,7 +213,8 @@ impl SurfaceMap {
         Ok(moved)
     }
 
-    fn target_neighbours(&self) -> Adjacency {
+    /// Neighbours of each vertex of the target.
+    pub(crate) fn target_neighbours(&self) -> Adjacency {
         let mut pairs: Vec<(u32, u32)> = self
             .target
             .triangles

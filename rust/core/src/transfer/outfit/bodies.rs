@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use super::Settings;
 use super::frame::{Pair, Samples};
 use super::outside::Outside;
+use super::settings::Settings;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::surface_point::SurfacePoint;

@@ -3,194 +3,213 @@
 
 use rayon::prelude::*;
 
-use super::Settings;
 use super::bodies::Bodies;
-use super::equations::Equations;
+use super::equations::{Equations, Sums};
 use super::garment::Garment;
 use super::layers::Contact;
+use super::outside::Nearest;
+use super::settings::Settings;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::watch::progress::Check;
+
+/// What is kept of a place, in the target's units.
+#[derive(Debug, Clone, Copy)]
+pub struct Keep {
+    /// Least distance to the body.
+    pub gap: f64,
+    /// The same of the edges and triangles that begin there, and when it is moved without its neighbours.
+    pub least: f64,
+    /// Distance to the body that it had on the source.
+    pub clearance: f64,
+    /// The way out of the body at its anchor.
+    pub out: Point,
+    /// The target's triangle with its anchor.
+    pub face: u32,
+}
 
 /// Distances that are kept, in the target's units.
 #[derive(Debug)]
 pub struct Distances {
-    /// From the body, of each place.
-    pub places: Vec<f64>,
+    /// Of each place.
+    pub places: Vec<Keep>,
     /// From one layer to the next, of each contact.
     pub contacts: Vec<f64>,
-    /// From the body, of every place that was moved without its neighbours.
-    pub least: f64,
     /// What is deeper in the body than this stays there.
     pub deepest: f64,
-    pub out: Vec<Point>,
-    pub clearance: Vec<f64>,
+    /// What lies below skin that faces the other way and was further than this from there is not inside.
     pub doubt: f64,
 }
 
 /// A place, the middle of an edge or the centre of a triangle, and what is known of its distance to the body.
 struct Probe<'a> {
     corners: &'a [u32],
-    /// Least distance to the body.
-    goal: f64,
-    /// A triangle of the body that is probably near.
-    guess: u32,
+    keep: Keep,
     /// Where it was when its distance was measured, and that distance.
     measured: Option<(Point, f64)>,
     /// How far it has to go, and where to.
     push: Option<Point>,
 }
 
+/// Rings of edges around a fold that go back to their shape with it.
+const RINGS: usize = 1;
+
 /// Moves places out of the target and layers off one another.
 ///
 /// Rounds of `min tr DᵀLD + w|BD − n·need|² + ε|D|²` over the rows B of what is short of its distance by need: places,
-/// middles of edges, centres of triangles and contacts, with the garment's Laplacian L.
+/// middles of edges, centres of triangles and contacts, with the garment's Laplacian L. Edges at folds count more, and
+/// take D to the shape that they had.
 ///
 /// # Errors
-/// [`NotFactorised`](crate::Error::NotFactorised).
-#[expect(
-    clippy::too_many_arguments,
-    reason = "what a garment is bound to, each from a stage of its own"
-)]
+/// [`NotFactorised`](crate::Error::NotFactorised), [`Cancelled`](crate::Error::Cancelled).
 pub fn cleared(
     bodies: &Bodies,
-    garment: &Garment,
-    equations: &Equations,
-    contacts: &[Contact],
+    (garment, equations, contacts): (&Garment, &Equations, &[Contact]),
     distances: &Distances,
-    guesses: &[u32],
     mut positions: Vec<Point>,
     settings: &Settings,
+    check: Check<'_>,
 ) -> Result<Vec<Point>> {
-    let mut cloth = equations.sums();
-    let shaped = positions.clone();
+    let mut staying = equations.sums();
     for v in 0..positions.len() as u32 {
-        cloth.add(&[(v, 1.0)], settings.push_ridge, [0.0; 3]);
+        staying.add(&[(v, 1.0)], settings.stay, [0.0; 3]);
     }
+    let shaped = positions.clone();
     let singles: Vec<u32> = (0..positions.len() as u32).collect();
     let mut probes: Vec<Probe<'_>> = singles
         .iter()
         .map(std::slice::from_ref)
         .chain(garment.edges.iter().map(<[u32; 2]>::as_slice))
         .chain(garment.triangles.iter().map(<[u32; 3]>::as_slice))
-        .map(|corners| Probe {
-            corners,
-            goal: distances.of(corners),
-            guess: guesses[corners[0] as usize],
-            measured: None,
-            push: None,
-        })
+        .map(|corners| Probe::new(corners, distances))
         .collect();
     for _ in 0..settings.rounds {
+        check()?;
         probes
             .par_iter_mut()
-            .for_each(|probe| probe.measure(bodies, &positions, distances, settings));
-        let mut sums = cloth.clone();
-        let mut zone = super::shape::crumpled(garment, &positions);
-        let before = zone.clone();
-        for &[a, b] in &garment.edges {
-            zone[a as usize] |= before[b as usize];
-            zone[b as usize] |= before[a as usize];
-        }
-        for &[a, b] in &garment.edges {
-            let [i, j] = [a, b].map(|v| v as usize);
-            let inside = zone[i] && zone[j];
-            // Crumpled cloth goes back to its shape, the rest keeps what it has.
-            let rho = f64::from(u8::from(inside));
-            let back = vector::sub(
-                vector::sub(shaped[j], shaped[i]),
-                vector::sub(positions[j], positions[i]),
-            );
-            sums.add(
-                &[(a, -1.0), (b, 1.0)],
-                if inside { settings.zone_weight } else { 1.0 },
-                vector::scaled(back, rho),
-            );
-        }
-        let mut pushed = false;
-        for probe in &probes {
-            if let Some(push) = probe.push {
-                let share = 1.0 / probe.corners.len() as f64;
-                let mut row = [(0, share); 3];
-                for (entry, &v) in row.iter_mut().zip(probe.corners) {
-                    entry.0 = v;
-                }
-                sums.add(&row[..probe.corners.len()], settings.push, push);
-                pushed = true;
-            }
-        }
-        for (contact, &goal) in contacts.iter().zip(&distances.contacts) {
-            let (gap, out) = contact.gap_at(&positions);
-            if gap < goal && gap > -distances.deepest {
-                let row = [0, 1, 2, 3].map(|k| (contact.places[k], contact.factors[k]));
-                sums.add(&row, settings.push_layers, vector::scaled(out, goal - gap));
-                pushed = true;
-            }
-        }
+            .for_each(|probe| probe.measure(bodies, distances, &positions));
+        let mut sums = staying.clone();
+        let pushed = push(&mut sums, &probes, settings)
+            | part(&mut sums, contacts, distances, &positions, settings);
         if !pushed {
             break;
+        }
+        let folds = garment.folds(&positions, RINGS);
+        for &[a, b] in &garment.edges {
+            let [i, j] = [a, b].map(|v| v as usize);
+            let (weight, back) = if folds[i] && folds[j] {
+                let along = |of: &[Point]| vector::sub(of[j], of[i]);
+                let back = vector::sub(along(&shaped), along(&positions));
+                (settings.fold_push, back)
+            } else {
+                (1.0, [0.0; 3])
+            };
+            sums.add(&[(a, -1.0), (b, 1.0)], weight, back);
         }
         for (p, d) in positions.iter_mut().zip(sums.solved()?) {
             *p = vector::add(*p, d);
         }
     }
-    // What is still short goes alone.
-    let count = positions.len();
+    // What is still short goes alone, to whichever side is nearest.
     positions
         .par_iter_mut()
-        .zip(&probes[..count])
-        .for_each(|(p, probe)| {
+        .zip(&distances.places)
+        .for_each(|(p, keep)| {
             let target = &bodies.map.target;
-            let near = bodies.target.nearest(target, *p, Some(probe.guess));
-            if near.distance < distances.least && near.distance >= -distances.deepest {
-                let out = vector::scaled(near.normal, distances.least);
+            let near = bodies.target.nearest(target, *p, Some(keep.face));
+            if near.distance < keep.least && near.distance >= -distances.deepest {
+                let out = vector::scaled(near.normal, keep.least);
                 *p = vector::add(target.position(&near.point), out);
             }
         });
     Ok(positions)
 }
 
-impl Distances {
-    /// Of a place, the middle of an edge or the centre of a triangle.
-    fn of(&self, corners: &[u32]) -> f64 {
-        match *corners {
-            [v] => self.places[v as usize],
-            _ => self.least,
+/// Adds the rows of probes that are too near to the body; whether there was one.
+fn push(sums: &mut Sums<'_>, probes: &[Probe<'_>], settings: &Settings) -> bool {
+    let mut found = false;
+    for probe in probes {
+        if let Some(push) = probe.push {
+            let mut row = [(0, probe.share()); 3];
+            for (entry, &v) in row.iter_mut().zip(probe.corners) {
+                entry.0 = v;
+            }
+            sums.add(&row[..probe.corners.len()], settings.push, push);
+            found = true;
         }
+    }
+    found
+}
+
+/// Adds the rows of layers that are too near to one another, or through one another; whether there was one.
+fn part(
+    sums: &mut Sums<'_>,
+    contacts: &[Contact],
+    distances: &Distances,
+    positions: &[Point],
+    settings: &Settings,
+) -> bool {
+    let mut found = false;
+    for (contact, &kept) in contacts.iter().zip(&distances.contacts) {
+        let (gap, out) = contact.gap_at(positions);
+        if gap < kept && gap > -distances.deepest {
+            let row = [0, 1, 2, 3].map(|k| (contact.places[k], contact.factors[k]));
+            sums.add(&row, settings.push, vector::scaled(out, kept - gap));
+            found = true;
+        }
+    }
+    found
+}
+
+impl Distances {
+    /// Whether a place that is too near to the body, or within it, is to leave.
+    #[must_use]
+    pub fn counts(&self, keep: &Keep, near: &Nearest) -> bool {
+        let turned = near.distance < 0.0
+            && vector::dot(near.normal, keep.out) < 0.0
+            && keep.clearance - near.distance > self.doubt;
+        near.distance >= -self.deepest && !turned
     }
 }
 
-impl Probe<'_> {
-    fn measure(
-        &mut self,
-        bodies: &Bodies,
-        positions: &[Point],
-        distances: &Distances,
-        settings: &Settings,
-    ) {
-        let deepest = distances.deepest;
-        let first = self.corners[0] as usize;
-        let share = 1.0 / self.corners.len() as f64;
+impl<'a> Probe<'a> {
+    fn new(corners: &'a [u32], distances: &Distances) -> Self {
+        let first = distances.places[corners[0] as usize];
+        let gap = if corners.len() == 1 {
+            first.gap
+        } else {
+            first.least
+        };
+        Self {
+            corners,
+            keep: Keep { gap, ..first },
+            measured: None,
+            push: None,
+        }
+    }
+
+    /// Share of each of its places.
+    fn share(&self) -> f64 {
+        1.0 / self.corners.len() as f64
+    }
+
+    fn measure(&mut self, bodies: &Bodies, distances: &Distances, positions: &[Point]) {
         let at = self.corners.iter().fold([0.0; 3], |sum, &v| {
-            vector::add(sum, vector::scaled(positions[v as usize], share))
+            vector::add(sum, vector::scaled(positions[v as usize], self.share()))
         });
         self.push = None;
         if let Some((before, distance)) = self.measured
-            && distance - vector::distance(before, at) >= self.goal
+            && distance - vector::distance(before, at) >= self.keep.gap
         {
             return;
         }
-        let near = bodies
-            .target
-            .nearest(&bodies.map.target, at, Some(self.guess));
-        self.guess = near.point.face;
+        let target = &bodies.map.target;
+        let near = bodies.target.nearest(target, at, Some(self.keep.face));
+        self.keep.face = near.point.face;
         self.measured = Some((at, near.distance));
-        if near.distance < self.goal
-            && near.distance >= -deepest
-            && !(near.distance < 0.0
-                && vector::dot(near.normal, distances.out[first]) < settings.doubt_cos
-                && distances.clearance[first] - near.distance > distances.doubt)
-        {
-            self.push = Some(vector::scaled(near.normal, self.goal - near.distance));
+        let need = self.keep.gap - near.distance;
+        if need > 0.0 && distances.counts(&self.keep, &near) {
+            self.push = Some(vector::scaled(near.normal, need));
         }
     }
 }

@@ -2,14 +2,12 @@
 
 use rayon::prelude::*;
 
-use super::Settings;
+use super::settings::Settings;
 use crate::algebra::similarity::nearest_turn;
 use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
+use crate::transfer::frame::{Matrix, determinant};
 use crate::transfer::surface::Surface;
-
-/// Rows of a matrix.
-pub type Matrix = [Point; 3];
 
 /// Steps of the R₂ sequence, which fills a square evenly: powers of 1/1.3247…, the real root of x³ = x + 1 (Roberts,
 /// "The unreasonable effectiveness of quasirandom sequences", 2018).
@@ -33,7 +31,7 @@ pub struct Samples {
     tree: SpaceTree<'static>,
 }
 
-/// `g → to + linear · (g − from)`, the affine map of the body around a point.
+/// `g → to + linear · (g − from)`: what the map makes of the space around a point of the source.
 #[derive(Debug, Clone, Copy)]
 pub struct Frame {
     /// Mean of the places of the source.
@@ -42,14 +40,8 @@ pub struct Frame {
     pub to: Point,
     /// J: offsets of the source as offsets of the target.
     pub linear: Matrix,
-    /// R: the turn in it, which mirrors where the map does.
-    pub turn: Matrix,
-    /// s: the size of the target for 1 on the source.
-    pub scale: f64,
     /// The way out of the target.
     pub out: Point,
-    /// Root mean square of what the affine map misses, for 1 of the spread of the target's places.
-    pub residual: f64,
 }
 
 impl Frame {
@@ -59,11 +51,10 @@ impl Frame {
         vector::add(self.to, times(&self.linear, vector::sub(g, self.from)))
     }
 
-    /// Where the map takes a point that keeps its distances.
+    /// Cube root of the volume that J makes of 1.
     #[must_use]
-    pub fn apply_similarity(&self, g: Point) -> Point {
-        let turned = times(&self.turn, vector::sub(g, self.from));
-        vector::add(self.to, vector::scaled(turned, self.scale))
+    pub fn size(&self) -> f64 {
+        determinant(&self.linear).abs().cbrt()
     }
 }
 
@@ -102,22 +93,25 @@ impl Samples {
 
     /// The frame around a point of the source with a normal, of a width.
     ///
-    /// With weights w = exp(−|x − q|²/2σ²) max(0, ⟨n, n(q)⟩)² · trust, means x̄ and ȳ, s² = Σw|y − ȳ|²/Σw|x − x̄|² and
-    /// e² = Σw|x − x̄|²/2: C = Σw (y − ȳ)(x − x̄)ᵀ + e² s Σw m nᵀ and A = Σw (x − x̄)(x − x̄)ᵀ + e² Σw n nᵀ, of which
-    /// J = (C + εsR)(A + ε)⁻¹, with R the turn of C. Without the normals n and m of source and target J would not
-    /// know what to do with an offset from the surface; with them it scales it by s. None where nothing is near that
-    /// looks the same way.
+    /// With weights w = exp(−|x − q|²/2σ²) max(0, ⟨n, n(q)⟩)² · trust of sum 1, means x̄ and ȳ of the places on source and
+    /// target, s² = Σw|y − ȳ|²/Σw|x − x̄|² and e² = Σw|x − x̄|²/2: C = Σw (y − ȳ)(x − x̄)ᵀ + e² s Σw m nᵀ and
+    /// A = Σw (x − x̄)(x − x̄)ᵀ + e² Σw n nᵀ, of which J = (C + εsR)(A + ε)⁻¹, with R the turn nearest to C and ε a share of
+    /// the trace of A. Without the normals n and m of source and target J would not know what to do with an offset from the
+    /// surface; with them it scales it by s. None where nothing is near that looks the same way.
+    ///
+    /// # Source
+    /// Moving least squares: Schaefer, McPhail, Warren, "Image deformation using moving least squares", 2006; the normals
+    /// are this program's.
     #[must_use]
     pub fn frame(
         &self,
         at: (Point, Point),
         width: f64,
-        neighbours: usize,
         mirrored: bool,
         settings: &Settings,
     ) -> Option<Frame> {
         let (q, normal) = at;
-        let near = self.tree.nearest_few(q, neighbours);
+        let near = self.tree.nearest_few(q, settings.neighbours);
         let weight = |pair: &Pair, squared: f64| {
             let alike = vector::dot(pair.from.1, normal).max(0.0);
             (-squared / (2.0 * width * width)).exp() * alike * alike * pair.trust
@@ -169,21 +163,10 @@ impl Samples {
             row[k] += ridge;
         }
         let linear = product(&c, &inverse(&a)?);
-        let missed: f64 = weighted
-            .iter()
-            .map(|&(pair, w)| {
-                let there = times(&linear, vector::sub(pair.from.0, from));
-                let r = vector::sub(vector::sub(pair.to.0, to), there);
-                w * vector::dot(r, r)
-            })
-            .sum();
         Some(Frame {
             from,
             to,
-            residual: (missed / after).sqrt(),
             linear,
-            turn,
-            scale,
             out: vector::normalised(out),
         })
     }
@@ -193,12 +176,6 @@ impl Samples {
 #[must_use]
 pub fn times(matrix: &Matrix, v: Point) -> Point {
     matrix.map(|row| vector::dot(row, v))
-}
-
-/// Its determinant.
-#[must_use]
-pub fn determinant(m: &Matrix) -> f64 {
-    vector::dot(m[0], vector::cross(m[1], m[2]))
 }
 
 fn add_outer(sum: &mut Matrix, column: Point, row: Point, factor: f64) {

@@ -1,7 +1,7 @@
 //! A garment as a graph: vertices at one place are one, pieces are what edges connect.
 
 use super::outside::welded;
-use crate::algebra::vector::Point;
+use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::transfer::unions::Unions;
 
@@ -16,11 +16,16 @@ pub struct Garment {
     pub triangles: Vec<[u32; 3]>,
     /// Edges between places, the lower number first, ascending.
     pub edges: Vec<[u32; 2]>,
+    /// Pairs of triangles with an edge in common that are not folded onto one another.
+    pub hinges: Vec<[u32; 2]>,
     /// Piece of each place, numbered from 0.
     pub piece_of: Vec<u32>,
     /// Number of pieces.
     pub pieces: usize,
 }
+
+/// Cosine between the normals of neighbouring triangles below which they are folded onto one another.
+const FOLDED: f64 = -0.2;
 
 impl Garment {
     /// Checks and joins.
@@ -90,11 +95,13 @@ impl Garment {
                 piece_of[v as usize] = piece_of[root as usize];
             }
         }
+        let hinges = hinges(&places, &joined);
         Ok(Self {
             places,
             place_of,
             triangles: joined,
             edges,
+            hinges,
             piece_of,
             pieces: pieces as usize,
         })
@@ -109,4 +116,53 @@ impl Garment {
         }
         places
     }
+
+    /// The places of triangles that are folded onto a neighbour and were not when the garment was given, and of so many
+    /// rings of edges around them.
+    #[must_use]
+    pub fn folds(&self, positions: &[Point], rings: usize) -> Vec<bool> {
+        let mut marked = vec![false; positions.len()];
+        for pair in &self.hinges {
+            let triangles = pair.map(|t| self.triangles[t as usize]);
+            let [a, b] = triangles.map(|t| normal(positions, t));
+            if vector::dot(a, b) < FOLDED {
+                for v in triangles.as_flattened() {
+                    marked[*v as usize] = true;
+                }
+            }
+        }
+        for _ in 0..rings {
+            let before = marked.clone();
+            for &[a, b] in &self.edges {
+                marked[a as usize] |= before[b as usize];
+                marked[b as usize] |= before[a as usize];
+            }
+        }
+        marked
+    }
+}
+
+fn normal(positions: &[Point], triangle: [u32; 3]) -> Point {
+    let [a, b, c] = triangle.map(|v| positions[v as usize]);
+    vector::normalised(vector::cross(vector::sub(b, a), vector::sub(c, a)))
+}
+
+/// Neighbours across an edge whose normals are less than a right angle apart; of three at an edge each and the next.
+fn hinges(places: &[Point], triangles: &[[u32; 3]]) -> Vec<[u32; 2]> {
+    let mut sides: Vec<([u32; 2], u32)> = (0..)
+        .zip(triangles)
+        .flat_map(|(t, &[a, b, c])| {
+            [[a, b], [b, c], [c, a]].map(|[a, b]| ([a.min(b), a.max(b)], t))
+        })
+        .collect();
+    sides.sort_unstable();
+    sides
+        .windows(2)
+        .filter(|pair| pair[0].0 == pair[1].0)
+        .map(|pair| [pair[0].1, pair[1].1])
+        .filter(|pair| {
+            let [a, b] = pair.map(|t| normal(places, triangles[t as usize]));
+            vector::dot(a, b) > 0.0
+        })
+        .collect()
 }

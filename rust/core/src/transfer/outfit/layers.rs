@@ -2,13 +2,13 @@
 
 use rayon::prelude::*;
 
-use super::Settings;
 use super::garment::Garment;
+use super::settings::Settings;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::transfer::surface::Surface;
 
-/// A place of a garment beside a triangle of another piece, or another layer of its own.
+/// A place of a garment over or under a triangle of another piece.
 #[derive(Debug, Clone, Copy)]
 pub struct Contact {
     /// The place, and the corners of the triangle.
@@ -36,16 +36,17 @@ impl Contact {
     }
 }
 
-/// Places that lie over a triangle, at most `reach` from it.
+/// Places that lie over or under a triangle of another piece on a body of a height, each with the nearest.
 ///
 /// # Errors
 /// None beyond those of [`Surface::new`], which a checked garment satisfies.
-pub fn contacts(garment: &Garment, reach: f64, settings: &Settings) -> Result<Vec<Contact>> {
+pub fn contacts(garment: &Garment, height: f64, settings: &Settings) -> Result<Vec<Contact>> {
     if garment.triangles.is_empty() {
         return Ok(Vec::new());
     }
     let triangles: Vec<[i64; 3]> = garment.triangles.iter().map(|t| t.map(i64::from)).collect();
     let surface = Surface::new(garment.places.clone(), &triangles)?;
+    let reach = settings.layer_reach * height;
     let of_piece = |t: u32| garment.piece_of[garment.triangles[t as usize][0] as usize];
     Ok((0..garment.places.len() as u32)
         .into_par_iter()
@@ -56,7 +57,7 @@ pub fn contacts(garment: &Garment, reach: f64, settings: &Settings) -> Result<Ve
             let offset = vector::sub(g, surface.position(&near));
             let gap = vector::norm(offset);
             let height = vector::dot(offset, vector::normalised(surface.cross(near.face)));
-            if height.abs() < settings.over * gap || gap <= 0.0 {
+            if height.abs() < settings.layer_cosine * gap || gap <= 0.0 {
                 return None;
             }
             let [a, b, c] = garment.triangles[near.face as usize];

@@ -1,168 +1,57 @@
 //! Garments of one body on another.
 //!
-//! In: a map between two bodies, and a garment that the source wears. Out: the garment on the target.
+//! In: a map between two bodies, and garments that the source wears in the pose in which it was matched. Out: the garments
+//! on the target.
 //!
-//! 1. [`bodies`]: the target is wrapped around the source, and its surface sampled.
-//! 2. [`binding`]: every place g of the garment is bound to the nearest place q of the wrapped body, and taken where the
-//!    [`frame`] of the body there takes it.
-//! 3. [`shape`]: one solve gives the cloth its shape back.
-//! 4. [`collision`]: the cloth leaves the body.
+//! 1. [`bodies`]: the target is wrapped around the source, each vertex at its image, and its surface sampled.
+//! 2. [`binding`]: every place g of a garment is bound to the nearest place of the wrapped body and taken where the
+//!    [`frame`] of the body there takes it, x̄ → ȳ with the affine J.
+//! 3. [`shape`]: one solve gives the cloth its shape back, `min Σᵢⱼ |pⱼ − pᵢ − ½(Jᵢ + Jⱼ)(gⱼ − gᵢ)|² + Σ aᵢ |pᵢ − goalᵢ|²`.
+//! 4. [`collision`]: the cloth leaves the body, [`layers`] leave one another, and [`stiff`] pieces go as a whole.
 //!
-//! 1 to 3 do not depend on how tight the garment shall be and are done once, in [`Fitting::new`]; [`Fitting::place`] does
-//! the rest.
+//! 1 to 3 do not depend on how tight a garment shall be and are done once, in [`Fitting::new`]; [`Fitting::place`] does the
+//! rest. Weights and whatever else the target's skin has travel along [`Fitting::on_target`], bones by [`bone_map`].
 
 pub mod binding;
 pub mod bodies;
+pub mod bone_map;
 pub mod collision;
 pub mod equations;
 pub mod frame;
 pub mod garment;
+pub mod hidden;
 pub mod layers;
 pub mod outside;
+pub mod settings;
 pub mod shape;
+pub mod stiff;
 
 use std::sync::Arc;
 
+use rayon::prelude::*;
+
 use self::binding::Binding;
 use self::bodies::Bodies;
-use self::collision::Distances;
+use self::collision::{Distances, Keep};
 use self::equations::Equations;
+use self::frame::times;
 use self::garment::Garment;
 use self::layers::Contact;
+use self::settings::Settings;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
-
-/// What steers the fitting. Lengths are in heights of the body they lie at.
-#[derive(Debug, Clone, Copy)]
-pub struct Settings {
-    /// Samples of the wrapped body for narrow frames, and for wide ones.
-    pub samples: [usize; 2],
-    /// Samples around a point that its frame is fitted to.
-    pub neighbours: usize,
-    /// Width from which the coarser samples are used.
-    pub wide: f64,
-    /// Width σ of the frame of what lies on the skin.
-    pub least_width: f64,
-    /// How much wider it is, over the distance from the skin.
-    pub width_by_distance: f64,
-    /// Ridge of the affine fit, over the trace of its matrix.
-    pub frame_ridge: f64,
-    /// Power of the confidence by which a place counts in a frame: stretches of cloth over places that the map is unsure of
-    /// are 1.41 apart with the second one, 1.46 without, over 46 garments.
-    pub trust: i32,
-    /// Confidence that every place has at least, so that a region of which nothing is known has a frame.
-    pub least_trust: f64,
-    /// Distance from the skin at which cloth takes 1/e of the relief of the target.
-    pub relief_reach: f64,
-    /// Weight a of the places beside the shape of the cloth.
-    pub hold: f64,
-    /// Distance from the skin at which that weight is halved.
-    pub hold_reach: f64,
-    /// Rounds of the collision.
-    pub rounds: usize,
-    /// Weight of what has to leave the body.
-    pub push: f64,
-    /// Weight of staying where it is.
-    pub push_ridge: f64,
-    /// Distance to the skin of what is pushed out.
-    pub least_gap: f64,
-    /// Distance to the skin beyond which cloth is free.
-    pub largest_gap: f64,
-    /// What is deeper in the body was there on purpose.
-    pub deepest: f64,
-    /// How softly the gap of the source is kept when it is small.
-    pub squash: f64,
-    /// Least gap that is kept of the source.
-    pub lowest: f64,
-    /// Distance within which two layers lie on one another.
-    pub layer_reach: f64,
-    /// Share of the gap between two layers that has to lie across them for one to be over the other.
-    pub over: f64,
-    /// Largest gap between two layers that is kept.
-    pub layer_gap: f64,
-    /// Weight of what has to leave the layer below.
-    pub push_layers: f64,
-    /// What is left of the weight of places where cloth crumples.
-    pub crumple_hold: f64,
-    /// Rounds in which crumpled cloth is let loose.
-    pub crumple_rounds: usize,
-    /// Misfit of a frame from which it is widened.
-    pub residual: f64,
-    /// Width to which it is widened.
-    pub widest: f64,
-    /// Factor by which it is widened.
-    pub widen: f64,
-    /// Rounds of averaging of the wrapped body.
-    pub smooth: usize,
-    /// How much deeper than its gap cloth may lie before a push the other way is doubted.
-    pub doubt: f64,
-    /// Cosine below which a push goes the other way than the frame says.
-    pub doubt_cos: f64,
-    /// Weight of edges in crumpled cloth while it is pushed.
-    pub zone_weight: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        Self {
-            samples: [16_000, 2_500],
-            neighbours: 64,
-            wide: 0.02,
-            least_width: 0.012,
-            width_by_distance: 0.5,
-            frame_ridge: 1e-3,
-            trust: 2,
-            least_trust: 0.03,
-            relief_reach: 0.04,
-            hold: 0.7,
-            hold_reach: 0.12,
-            rounds: 5,
-            push: 4.0,
-            push_ridge: 0.02,
-            least_gap: 0.0008,
-            largest_gap: 0.004,
-            deepest: 0.03,
-            squash: 0.0005,
-            lowest: 0.0005,
-            layer_reach: 0.01,
-            over: 0.7,
-            layer_gap: 0.001,
-            push_layers: 4.0,
-            crumple_hold: 0.05,
-            crumple_rounds: 2,
-            residual: 0.2,
-            widest: 0.03,
-            widen: 1.5,
-            smooth: 5,
-            doubt: 0.01,
-            zone_weight: 4.0,
-            doubt_cos: -0.3,
-        }
-    }
-}
-
-impl Settings {
-    /// Least distance to the body of what was so far from it on the source: never less than the lowest gap, ever more for
-    /// what was further out, and all of it up to the largest.
-    fn gap(&self, clearance: f64) -> f64 {
-        let above = clearance - self.lowest;
-        let positive = 0.5 * (above + above.hypot(2.0 * self.squash));
-        (self.lowest + positive).min(self.largest_gap)
-    }
-
-    fn width(&self, distance: f64) -> f64 {
-        self.least_width.max(self.width_by_distance * distance)
-    }
-}
+use crate::transfer::surface::Surface;
+use crate::transfer::surface_map::{SurfaceMap, check_rows};
+use crate::watch::progress::Check;
 
 /// How a garment shall sit.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Sitting {
     /// Added to the distance to the skin, in the target's units.
     pub distance: f64,
-    /// Share of the gap to the skin that is taken away; below zero it is widened.
+    /// Share of the gap to the skin that is taken away, 1 at most; below zero the gap is widened.
     pub tightness: f64,
-    /// Whether cloth is kept out of the body.
+    /// Whether cloth is kept out of the body, and layers in their order.
     pub collide: bool,
 }
 
@@ -176,7 +65,7 @@ impl Default for Sitting {
     }
 }
 
-/// A garment bound to two bodies.
+/// Garments bound to two bodies.
 #[derive(Debug)]
 pub struct Fitting {
     bodies: Arc<Bodies>,
@@ -185,38 +74,49 @@ pub struct Fitting {
     equations: Equations,
     bindings: Vec<Binding>,
     contacts: Vec<Contact>,
+    /// Places of each stiff piece.
+    stiff: Vec<Vec<u32>>,
     shaped: Vec<Point>,
 }
 
 impl Fitting {
-    /// Binds a garment, vertices and triangles, that the source wears.
+    /// Binds garments that the source wears: vertices and triangles of all of them together.
+    ///
+    /// `stiff` tells for each vertex whether its piece keeps its shape, as small ones do in any case; it may be empty.
     ///
     /// # Errors
-    /// Those of [`Garment::new`], and [`Error::NotFactorised`].
+    /// Those of [`Garment::new`]; [`Error::BadArgument`] when `stiff` has another length; [`Error::NotFactorised`],
+    /// [`Error::Cancelled`].
     pub fn new(
         bodies: Arc<Bodies>,
         vertices: &[Point],
         triangles: &[[i64; 3]],
+        stiff: &[bool],
         settings: Settings,
+        check: Check<'_>,
     ) -> Result<Self> {
         let garment = Garment::new(vertices, triangles)?;
-        let reach = settings.layer_reach * bodies.heights[0];
-        let contacts = layers::contacts(&garment, reach, &settings)?;
+        if !stiff.is_empty() {
+            check_rows("stiff", stiff.len(), vertices.len())?;
+        }
+        let height = bodies.heights[0];
+        let contacts = layers::contacts(&garment, height, &settings)?;
         let (equations, bindings) = rayon::join(
             || {
                 let across = contacts.iter().flat_map(|c| {
                     let [v, i, j, k] = c.places;
                     [[v, i], [v, j], [v, k]]
                 });
-                Equations::new(
-                    garment.places.len(),
-                    garment.edges.iter().copied().chain(across),
-                )
+                let pairs = garment.edges.iter().copied().chain(across);
+                Equations::new(garment.places.len(), pairs)
             },
-            || binding::bound(&bodies, &garment, &settings),
+            || binding::bound(&bodies, &garment, &settings, check),
         );
-        let equations = equations?;
-        let shaped = shape::shaped(&garment, &equations, &bindings, &settings)?;
+        let (equations, bindings) = (equations?, bindings?);
+        check()?;
+        let mut shaped = shape::shaped(&garment, &equations, &bindings, &settings)?;
+        let stiff = stiff_pieces(&garment, stiff, settings.stiff_size * height);
+        stiff::kept_stiff(&stiff, &garment.places, &mut shaped, bodies.mirrored);
         Ok(Self {
             bodies,
             settings,
@@ -224,71 +124,207 @@ impl Fitting {
             equations,
             bindings,
             contacts,
+            stiff,
             shaped,
         })
     }
 
-    /// Where the garment's vertices lie on the target.
+    /// Number of vertices that were given.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.garment.place_of.len()
+    }
+
+    /// Never: a garment has a vertex.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Where the garments' vertices lie on the target.
     ///
     /// # Errors
-    /// [`Error::BadArgument`] when a number of the sitting is not finite, [`Error::NotFactorised`].
-    pub fn place(&self, sitting: &Sitting) -> Result<Vec<Point>> {
-        for (name, value) in [
-            ("distance", sitting.distance),
-            ("tightness", sitting.tightness),
-        ] {
-            if !value.is_finite() {
-                return Err(Error::BadArgument {
-                    what: format!("`{name}` should be a finite number, got {value}"),
-                });
-            }
+    /// [`Error::BadArgument`] when the distance is not finite or the tightness is not a number up to 1;
+    /// [`Error::NotFactorised`], [`Error::Cancelled`].
+    pub fn place(&self, sitting: &Sitting, check: Check<'_>) -> Result<Vec<Point>> {
+        let Sitting {
+            distance,
+            tightness,
+            collide,
+        } = *sitting;
+        if !distance.is_finite() {
+            return Err(Error::BadArgument {
+                what: format!("`distance` should be a finite number, got {distance}"),
+            });
+        }
+        if !(tightness.is_finite() && tightness <= 1.0) {
+            return Err(Error::BadArgument {
+                what: format!("`tightness` should be a number of at most 1, got {tightness}"),
+            });
         }
         let settings = &self.settings;
         let height = self.bodies.heights[1];
-        let mut positions: Vec<Point> = self.shaped.clone();
+        let mut positions = self.shaped.clone();
         let mut places = Vec::with_capacity(positions.len());
-        for (p, b) in positions.iter_mut().zip(&self.bindings) {
-            let anchor = self.bodies.map.target.position(&b.anchor);
-            let gap = vector::dot(vector::sub(*p, anchor), b.frame.out).max(0.0);
-            let step = b.tightness(settings) * (sitting.distance - sitting.tightness * gap);
-            *p = vector::add(*p, vector::scaled(b.frame.out, step));
-            let wanted = b.clearance * (1.0 - sitting.tightness) + sitting.distance;
-            places.push(height * settings.gap(wanted / height));
+        let mut is_stiff = vec![false; positions.len()];
+        for &v in self.stiff.iter().flatten() {
+            is_stiff[v as usize] = true;
         }
-        if sitting.collide {
+        for ((p, b), stiff) in positions.iter_mut().zip(&self.bindings).zip(is_stiff) {
+            let anchor = self.bodies.map.target.position(&b.anchor);
+            let out = b.frame.out;
+            let gap = vector::dot(vector::sub(*p, anchor), out).max(0.0);
+            let step = b.tightness(settings) * (distance - tightness * gap);
+            *p = vector::add(*p, vector::scaled(out, step));
+            let clearance = b.clearance * (1.0 - tightness);
+            let gap = height * settings.gap(clearance / height) + distance.max(0.0);
+            // What keeps its shape stays as deep in the body as it was, the lining of a hat, and is moved as a whole.
+            let (gap, least) = if stiff {
+                (gap.min(b.clearance), f64::NEG_INFINITY)
+            } else {
+                (gap, settings.least_gap * height)
+            };
+            places.push(Keep {
+                gap,
+                least,
+                clearance: clearance + distance,
+                out,
+                face: b.anchor.face,
+            });
+        }
+        stiff::kept_stiff(&self.stiff, &self.shaped, &mut positions, false);
+        if collide {
+            let between = |c: &Contact| {
+                let size = self.bindings[c.places[0] as usize].frame.size();
+                (c.gap * size).min(settings.layer_gap * height)
+            };
             let distances = Distances {
                 places,
-                contacts: self
-                    .contacts
-                    .iter()
-                    .map(|c| {
-                        let scale = self.bindings[c.places[0] as usize].scale();
-                        (c.gap * scale).min(settings.layer_gap * height)
-                    })
-                    .collect(),
-                least: settings.least_gap * height,
+                contacts: self.contacts.iter().map(between).collect(),
                 deepest: settings.deepest * height,
-                out: self.bindings.iter().map(|b| b.frame.out).collect(),
-                clearance: self.bindings.iter().map(|b| b.clearance).collect(),
                 doubt: settings.doubt * height,
             };
-            let guesses: Vec<u32> = self.bindings.iter().map(|b| b.anchor.face).collect();
-            positions = collision::cleared(
-                &self.bodies,
-                &self.garment,
-                &self.equations,
-                &self.contacts,
-                &distances,
-                &guesses,
-                positions,
-                settings,
-            )?;
+            let cloth = (&self.garment, &self.equations, self.contacts.as_slice());
+            positions =
+                collision::cleared(&self.bodies, cloth, &distances, positions, settings, check)?;
+            stiff::kept_stiff(&self.stiff, &self.shaped, &mut positions, false);
+            stiff::moved_out(&self.bodies, &self.stiff, &distances, &mut positions);
         }
-        Ok(self
-            .garment
-            .place_of
+        Ok(self.given(&positions))
+    }
+
+    /// Distance of each of the garments' vertices to the target's skin, negative within the body.
+    ///
+    /// # Errors
+    /// [`Error::BadArgument`] when there is not one position for each vertex.
+    pub fn clearance(&self, positions: &[Point]) -> Result<Vec<f64>> {
+        let places = self.places("vertices", positions)?;
+        let target = &self.bodies.map.target;
+        let found: Vec<f64> = places
+            .par_iter()
+            .zip(&self.bindings)
+            .map(|(&p, b)| {
+                let near = self.bodies.target.nearest(target, p, Some(b.anchor.face));
+                near.distance
+            })
+            .collect();
+        Ok(self.given(&found))
+    }
+
+    /// Displacements of the garments' vertices on the source as on the target, J of each.
+    ///
+    /// # Errors
+    /// [`Error::BadArgument`] when there is not one displacement for each vertex.
+    pub fn displacements(&self, offsets: &[Point]) -> Result<Vec<Point>> {
+        check_rows("offsets", offsets.len(), self.len())?;
+        Ok(offsets
             .iter()
-            .map(|&v| positions[v as usize])
+            .zip(&self.garment.place_of)
+            .map(|(&d, &v)| times(&self.bindings[v as usize].frame.linear, d))
             .collect())
     }
+
+    /// Which of the target's vertices the garments hide at these positions: under cloth at most `reach` above them, and
+    /// at least `margin` from skin that shows, both in the target's units.
+    ///
+    /// # Errors
+    /// [`Error::BadArgument`] when there is not one position for each vertex, or a length is not a number from 0.
+    pub fn hidden(&self, positions: &[Point], reach: f64, margin: f64) -> Result<Vec<bool>> {
+        for (name, length) in [("reach", reach), ("margin", margin)] {
+            if !(length.is_finite() && length >= 0.0) {
+                return Err(Error::BadArgument {
+                    what: format!("`{name}` should be a finite number from 0, got {length}"),
+                });
+            }
+        }
+        let places = self.places("vertices", positions)?;
+        hidden::hidden(&self.bodies, &self.garment, places, (reach, margin))
+    }
+
+    /// The map from the target's skin to the garments at these positions, by the anchors: what the skin carries, such as
+    /// its weights, comes to the cloth along it.
+    ///
+    /// # Errors
+    /// [`Error::BadArgument`] when there is not one position for each vertex, or the garments have no triangle.
+    pub fn on_target(&self, positions: &[Point], triangles: &[[i64; 3]]) -> Result<SurfaceMap> {
+        check_rows("vertices", positions.len(), self.len())?;
+        let skin = &self.bodies.map.target;
+        let wound: Vec<[i64; 3]> = skin.triangles.iter().map(|t| t.map(i64::from)).collect();
+        let bound = self.garment.place_of.iter();
+        let bound: Vec<&Binding> = bound.map(|&v| &self.bindings[v as usize]).collect();
+        let faces: Vec<i64> = bound.iter().map(|b| i64::from(b.anchor.face)).collect();
+        let weights: Vec<[f64; 3]> = bound.iter().map(|b| b.anchor.weights).collect();
+        let trust = |b: &&Binding| {
+            let corners = skin.triangles[b.anchor.face as usize];
+            (0..3)
+                .map(|k| b.anchor.weights[k] * self.bodies.map.confidence[corners[k] as usize])
+                .sum()
+        };
+        SurfaceMap::new(
+            Surface::new(skin.vertices.clone(), &wound)?,
+            Surface::new(positions.to_vec(), triangles)?,
+            &faces,
+            &weights,
+            bound.iter().map(trust).collect(),
+        )
+    }
+
+    /// One of each place for every given vertex.
+    fn given<T: Copy>(&self, of_places: &[T]) -> Vec<T> {
+        let places = self.garment.place_of.iter();
+        places.map(|&v| of_places[v as usize]).collect()
+    }
+
+    /// One of the given vertices for each place.
+    fn places(&self, name: &str, given: &[Point]) -> Result<Vec<Point>> {
+        check_rows(name, given.len(), self.len())?;
+        let mut places = vec![[0.0; 3]; self.garment.places.len()];
+        for (&v, &p) in self.garment.place_of.iter().zip(given) {
+            places[v as usize] = p;
+        }
+        Ok(places)
+    }
+}
+
+/// Pieces with a vertex that is said to be stiff, and those smaller than a size.
+fn stiff_pieces(garment: &Garment, said: &[bool], size: f64) -> Vec<Vec<u32>> {
+    let mut stiff = vec![false; garment.pieces];
+    for (&v, &said) in garment.place_of.iter().zip(said) {
+        stiff[garment.piece_of[v as usize] as usize] |= said;
+    }
+    let is_small = |piece: &[u32]| {
+        let extent = [0, 1, 2].map(|c| {
+            let along = piece.iter().map(|&v| garment.places[v as usize][c]);
+            let (low, high) = along.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                (low.min(x), high.max(x))
+            });
+            high - low
+        });
+        piece.len() > 2 && vector::norm(extent) < size
+    };
+    let pieces = garment.places_of_pieces().into_iter().zip(stiff);
+    pieces
+        .filter(|(piece, stiff)| *stiff || is_small(piece))
+        .map(|(piece, _)| piece)
+        .collect()
 }

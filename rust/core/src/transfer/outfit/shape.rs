@@ -1,13 +1,19 @@
 //! The shape of the cloth: places that keep the offsets along edges, near to where each would go for itself.
 
-use super::Settings;
-use super::binding::{Binding, edge_offsets};
+use rayon::prelude::*;
+
+use super::binding::Binding;
 use super::equations::Equations;
+use super::frame::times;
 use super::garment::Garment;
+use super::settings::Settings;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::transfer::frame::Matrix;
 
-/// The least of `Σᵢⱼ |pⱼ − pᵢ − ½(Jᵢ + Jⱼ)(gⱼ − gᵢ)|² + Σ aᵢ |pᵢ − goalᵢ|²`.
+/// The least of `Σᵢⱼ |pⱼ − pᵢ − ½(Jᵢ + Jⱼ)(gⱼ − gᵢ)|² + Σ aᵢ |pᵢ − goalᵢ|²`, with J smoothed along the garment.
+///
+/// Where the cloth is folded that was not, it is solved again with goals that hardly count.
 ///
 /// # Errors
 /// [`NotFactorised`](crate::Error::NotFactorised), which positive weights rule out but for overflow.
@@ -33,51 +39,49 @@ pub fn shaped(
         sums.solved()
     };
     let mut found = solve(&hold)?;
-    for _ in 0..settings.crumple_rounds {
-        let mut loose = crumpled(garment, &found);
-        if !loose.contains(&true) {
+    for _ in 0..settings.unfolding {
+        let folds = garment.folds(&found, RINGS);
+        if !folds.contains(&true) {
             break;
         }
-        for _ in 0..2 {
-            let before = loose.clone();
-            for &[a, b] in &garment.edges {
-                loose[a as usize] |= before[b as usize];
-                loose[b as usize] |= before[a as usize];
-            }
-        }
-        for (h, _) in hold.iter_mut().zip(&loose).filter(|(_, l)| **l) {
-            *h *= settings.crumple_hold;
+        for (hold, _) in hold.iter_mut().zip(&folds).filter(|(_, fold)| **fold) {
+            *hold *= settings.fold_hold;
         }
         found = solve(&hold)?;
     }
     Ok(found)
 }
 
-#[must_use]
-pub fn crumpled(garment: &Garment, found: &[Point]) -> Vec<bool> {
-    let mut at: std::collections::HashMap<(u32, u32), u32> = std::collections::HashMap::new();
-    let mut marked = vec![false; found.len()];
-    let normal = |p: &[Point], t: u32| {
-        let [a, b, c] = garment.triangles[t as usize].map(|v| p[v as usize]);
-        vector::normalised(vector::cross(vector::sub(b, a), vector::sub(c, a)))
-    };
-    for (t, corners) in (0..).zip(&garment.triangles) {
-        for k in 0..3 {
-            let (a, b) = (corners[k], corners[(k + 1) % 3]);
-            if let Some(&s) = at.get(&(a.min(b), a.max(b))) {
-                let now = vector::dot(normal(found, t), normal(found, s));
-                let before = vector::dot(normal(&garment.places, t), normal(&garment.places, s));
-                if now < -0.2 && before > 0.0 {
-                    for v in garment.triangles[t as usize]
-                        .iter()
-                        .chain(&garment.triangles[s as usize])
-                    {
-                        marked[*v as usize] = true;
-                    }
+/// Rings of edges around a fold that are let go with it: a fold is as wide as a triangle, and has two sides.
+const RINGS: usize = 2;
+
+/// Offsets along edges as the smoothed frames of their ends take them.
+fn edge_offsets(garment: &Garment, bindings: &[Binding], settings: &Settings) -> Vec<Point> {
+    let mut linear: Vec<Matrix> = bindings.iter().map(|b| b.frame.linear).collect();
+    for _ in 0..settings.smoothing {
+        let mut sums = linear.clone();
+        let mut counts = vec![1.0; sums.len()];
+        for &[a, b] in &garment.edges {
+            for (v, other) in [(a, b), (b, a)] {
+                let sum = &mut sums[v as usize];
+                for (row, more) in sum.iter_mut().zip(linear[other as usize]) {
+                    *row = vector::add(*row, more);
                 }
+                counts[v as usize] += 1.0;
             }
-            at.insert((a.min(b), a.max(b)), t);
+        }
+        for ((linear, sum), count) in linear.iter_mut().zip(sums).zip(counts) {
+            *linear = sum.map(|row| vector::scaled(row, 1.0 / count));
         }
     }
-    marked
+    garment
+        .edges
+        .par_iter()
+        .map(|edge| {
+            let [i, j] = edge.map(|v| v as usize);
+            let along = vector::sub(garment.places[j], garment.places[i]);
+            let [one, other] = [i, j].map(|v| times(&linear[v], along));
+            vector::scaled(vector::add(one, other), 0.5)
+        })
+        .collect()
 }
