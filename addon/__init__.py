@@ -22,6 +22,7 @@ from . import (
     translation,
 )
 from .operators import settings, show, step
+from .outfit import live, wardrobe
 
 _HANDLERS = (
     *stored_match.HANDLERS,
@@ -30,6 +31,8 @@ _HANDLERS = (
     *overlay.HANDLERS,
     *notice.HANDLERS,
     *show.HANDLERS,
+    *live.HANDLERS,
+    *wardrobe.HANDLERS,
 )
 
 
@@ -68,5 +71,7 @@ def unregister():
     stored_match.forget()
     character.forget()
     prepared.forget()
+    live.forget()
+    wardrobe.forget()
     notice.clear()
     translation.unregister()

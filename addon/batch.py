@@ -17,12 +17,16 @@ from . import character, core, pair
 from .mesh_read import UnusableObjectError, value_of
 from .operators.carry import carry
 from .operators.match import reading, store
+from .operators.outfit import begin_fitting, garments_of, options_of, store_fitted, summary
+from .outfit import wardrobe
 from .transfer import KINDS, companions
 from .transfer.copies import MADE_FROM
 
 # Objects that hold the meshes of a character together.
 HOLDERS = ("ARMATURE", "EMPTY")
 DEFAULT_OUTPUT = "{file}.blend"
+# Among the kinds of data: what the source wears is fitted to the target.
+OUTFIT = "outfit"
 POLL_SECONDS = 0.1
 
 
@@ -60,11 +64,11 @@ class FileJob:
 
 
 def kinds_of(names):
-    """The kinds of data by their names, all of them for None."""
+    """The kinds of data by their names, for None all of them but outfits."""
     known = {kind.identifier for kind in KINDS}
-    unknown = set(names or ()) - known
+    unknown = set(names or ()) - known - {OUTFIT}
     if unknown:
-        listed = ", ".join(sorted(known))
+        listed = ", ".join(sorted({*known, OUTFIT}))
         raise WrongRequestError(
             f"There is no kind of data named {', '.join(sorted(map(str, unknown)))}. There are: {listed}"
         )
@@ -258,7 +262,7 @@ def work_on(context, job, request):
 
 def _pairs(context, job, request, pairing, brought):
     """Do one pairing; returns its pairs' entries. An object that is not there makes a failed pair."""
-    with_objects = request.transfer and companions.KIND.identifier in job.kinds
+    with_objects = request.transfer and bool({companions.KIND.identifier, OUTFIT} & job.kinds)
     entries, met = [], set()
     for pattern in pairing.targets:
         try:
@@ -452,7 +456,7 @@ def _pair(context, job, request, source, target):
                 "reasons": stored.reasons.split("\n"),
                 "mean_confidence": stored.mean_confidence,
             }
-        if request.transfer:
+        if request.transfer and job.kinds != {OUTFIT}:
             going = carry(
                 context,
                 source,
@@ -461,6 +465,10 @@ def _pair(context, job, request, source, target):
                 lambda kind, _name: kind.identifier in job.kinds,
             )
             entry["notes"] += value_of(going).notes
+        if request.transfer and OUTFIT in job.kinds:
+            entry["outfit"], notes = _fit(context, source, target)
+            entry["notes"] += notes
+        if request.transfer:
             entry["transferred"] = sorted(job.kinds)
         entry["status"] = "done"
     except (UnusableObjectError, core.CoreMissingError, RuntimeError) as reason:
@@ -493,6 +501,23 @@ def _match(context, request, source, target):
     if trouble:
         raise UnusableObjectError("; ".join(trouble))
     return matching.notes
+
+
+def _fit(context, source, target):
+    """Fit what the source wears to one matched target; returns a summary and words.
+
+    Raises `UnusableObjectError` where nothing could be fitted.
+    """
+    wearer = wardrobe.wearer(source, [target])
+    options = options_of(context.scene.spectral_match)
+    job = value_of(begin_fitting(context, wearer, garments_of(wearer), [target], options))
+    job.run()
+    if job.error is not None:
+        raise UnusableObjectError(core.explain(job.error))
+    made, trouble = store_fitted(context, job, wearer.name)
+    if not made:
+        raise UnusableObjectError("; ".join(trouble))
+    return summary(made), trouble
 
 
 def save(output):

@@ -137,7 +137,7 @@ def _held(meshes):
         rig = skin_of(obj)
         if rig is not None:
             skinned.setdefault(rig, []).append(obj)
-    sizes = {rig: _size(on_rig) for rig, on_rig in skinned.items()}
+    sizes = {rig: extent(on_rig) for rig, on_rig in skinned.items()}
     for obj in meshes:
         rig, bone = held_by_bone(obj)
         if rig in skinned and obj.dimensions.length > HELD_SHARE * sizes[rig]:
@@ -146,7 +146,7 @@ def _held(meshes):
     return found
 
 
-def _size(objects):
+def extent(objects):
     """Diagonal of the box around objects in the world."""
     corners = [obj.matrix_world @ Vector(corner) for obj in objects for corner in obj.bound_box]
     low, high = (Vector(map(pick, zip(*corners, strict=True))) for pick in (min, max))
@@ -157,13 +157,18 @@ def _size(objects):
 _groups_used: dict[int, frozenset] = {}
 
 
-def _moves(obj, bone):
-    """Whether a bone moves vertices of an object."""
+def groups_used(obj):
+    """Names of the groups in which a mesh has weights."""
     uid = obj.data.session_uid
     if uid not in _groups_used:
         used = {entry.group for v in obj.data.vertices for entry in v.groups if entry.weight > 0.0}
         _groups_used[uid] = frozenset(group.name for group in obj.vertex_groups if group.index in used)
-    return bone in _groups_used[uid]
+    return _groups_used[uid]
+
+
+def _moves(obj, bone):
+    """Whether a bone moves vertices of an object."""
+    return bone in groups_used(obj)
 
 
 # Who holds whom.

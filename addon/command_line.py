@@ -110,7 +110,10 @@ def _parser():
     files.add_argument("--anywhere", action="store_true", help="let it save outside of its folder")
     both = parser.add_argument_group("both")
     both.add_argument(
-        "--transfer", type=_kinds, metavar="KIND[,KIND…]", help=f"what to carry, by default {kinds}"
+        "--transfer",
+        type=_kinds,
+        metavar="KIND[,KIND…]",
+        help=f"what to carry, by default {kinds}; {batch.OUTFIT} fits what the source wears",
     )
     both.add_argument("--method", choices=("auto", "paper"))
     both.add_argument("--part", choices=("source", "target"), help="which is only a part of the other")

@@ -9,7 +9,9 @@ from . import job as job_module
 from . import landmarks, manual, morph, notice, overlay, pair, palette, stored_match, transfer_panel, wording
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_words, fold
 from .operators import pick, show
+from .operators.outfit import wearer_of
 from .operators.settings import PRESETS, SPECTRAL_MATCH_MT_presets
+from .outfit import live, wardrobe
 from .translation import OWN_CONTEXT, said
 
 GRADE_ICONS = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
@@ -426,10 +428,70 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         go.operator("spectral_match.go_to_landmark", text="Target", icon="VIEWZOOM").end = "TARGET"
 
 
+class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
+    bl_label = "Fit Outfit"
+    bl_translation_context = OWN_CONTEXT
+    bl_order = 4
+    bl_options = {"DEFAULT_CLOSED"}
+
+    def draw(self, context):
+        layout, settings = self.layout, context.scene.spectral_match
+        found = pair.shown(context)
+        if found.source is None:
+            draw_words(context, layout, found.missing, "INFO")
+            return
+        wearer = wearer_of(found)
+        if len(wearer.whole) == 1:
+            draw_words(context, layout, "The source wears no objects of their own", "INFO")
+            return
+        self._draw_worn(layout, settings, wearer)
+        column = layout.column()
+        column.use_property_split = True
+        column.use_property_decorate = False
+        column.prop(settings, "outfit_distance")
+        column.prop(settings, "outfit_tightness", slider=True)
+        column.prop(settings, "outfit_body_keys")
+        column.prop(settings, "outfit_hide")
+        row = layout.row()
+        row.scale_y = BIG
+        row.operator("spectral_match.fit_outfit", icon="MOD_CLOTH")
+        targets = [piece for target in found.targets for piece in target.whole]
+        if settings.outfit_inside and live.kept_for(targets):
+            words = settings.outfit_inside
+            draw_words(context, layout, words[:1].upper() + words[1:], dim=True)
+
+    @staticmethod
+    def _draw_worn(layout, settings, wearer):
+        worn, others = wardrobe.worn(wearer), wardrobe.others(wearer)
+        box = layout.box().column(align=True)
+        row = box.row()
+        icon = "DOWNARROW_HLT" if settings.open_outfit else "RIGHTARROW"
+        row.prop(settings, "open_outfit", text="", icon=icon, emboss=False)
+        row.label(text=wearer.name, icon=icon_of(wearer))
+        count = row.row()
+        count.alignment = "RIGHT"
+        count.active = False
+        count.label(text=f"{len(worn)} / {len(others)}")
+        if not settings.open_outfit:
+            return
+        for obj in others:
+            line = box.row()
+            line.alignment = "LEFT"
+            line.label(text="", icon="BLANK1")
+            button = line.operator(
+                "spectral_match.toggle_worn",
+                text=obj.name,
+                icon="CHECKBOX_HLT" if obj in worn else "CHECKBOX_DEHLT",
+                emboss=False,
+                translate=False,
+            )
+            button.garment = obj.name
+
+
 class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
     bl_label = "Batch"
     bl_translation_context = OWN_CONTEXT
-    bl_order = 4
+    bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
     def draw(self, context):
@@ -459,5 +521,6 @@ CLASSES = (
     VIEW3D_PT_spectral_match_result,
     VIEW3D_PT_spectral_match_fix,
     *transfer_panel.CLASSES,
+    VIEW3D_PT_spectral_match_outfit,
     VIEW3D_PT_spectral_match_batch,
 )

@@ -14,6 +14,7 @@ from bpy.props import (
 from bpy.types import Collection, Object, PropertyGroup
 
 from .character import AUTOMATIC, LEFT_OUT, TAKEN
+from .outfit import live, wardrobe
 from .transfer import TransferChoice, TransferOptions
 
 
@@ -154,6 +155,37 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
     # How many transfers there were; undo takes them back.
     transfers: IntProperty()
 
+    outfit_distance: FloatProperty(
+        name="Distance",
+        subtype="DISTANCE",
+        step=0.1,
+        precision=4,
+        description="Added to the distance between skin and cloth. Outfits fitted since the file was "
+        "opened follow at once",
+        update=live.follow_sliders,
+    )
+    outfit_tightness: FloatProperty(
+        name="Tightness",
+        min=-1.0,
+        max=1.0,
+        subtype="FACTOR",
+        description="How much of the distance between skin and cloth is taken away; below zero it grows. "
+        "Outfits fitted since the file was opened follow at once",
+        update=live.follow_sliders,
+    )
+    outfit_body_keys: BoolProperty(
+        name="Follow Body Keys",
+        default=True,
+        description="Give the outfit shape keys, driven by those of the target that move skin under it",
+    )
+    outfit_hide: BoolProperty(
+        name="Hide Covered Skin",
+        description="Put what nobody sees of the target under the outfit into a vertex group, which a "
+        "Mask modifier leaves out. Nothing is deleted",
+    )
+    outfit_inside: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+    open_outfit: BoolProperty(name="Show", default=True, description="List what the source wears")
+
     landmarks: CollectionProperty(type=SPECTRAL_MATCH_PG_landmark)
     landmark_index: IntProperty(name="Landmark", description="Chosen pair of landmarks")
 
@@ -201,9 +233,24 @@ def register():
         default=AUTOMATIC,
         description="Whether this mesh takes part when its character is matched",
     )
+    bpy.types.Object.spectral_match_worn = EnumProperty(
+        name="Worn",
+        items=(
+            (
+                wardrobe.AUTOMATIC,
+                "Automatic",
+                "Worn where it lies over other meshes, unless small or hidden",
+            ),
+            (wardrobe.WORN, "Worn", "Is fitted with its character's outfit"),
+            (wardrobe.NOT_WORN, "Not Worn", "Belongs to its character's body"),
+        ),
+        default=wardrobe.AUTOMATIC,
+        description="Whether this mesh is clothing of its character",
+    )
 
 
 def unregister():
+    del bpy.types.Object.spectral_match_worn
     del bpy.types.Object.spectral_match_part
     del bpy.types.Object.spectral_match_pieces
     del bpy.types.Object.spectral_match_source

@@ -459,4 +459,62 @@ TOOLTIPS = (
         "これを超えると、最も長く使われていないものから削除します。20,000 頂点のメッシュは 0.013 です",
         "预处理网格超过此大小时,移除最久未用者。20,000 个顶点的网格占 0.013",
     ),
+    (
+        "Added to the distance between skin and cloth. Outfits fitted since the file was opened "
+        "follow at once",
+        "肌と布の距離に加えます。ファイルを開いてから合わせた衣装はすぐに追従します",
+        "加到皮肤与布料的距离上。打开文件后适配的服装会立即跟随",
+    ),
+    (
+        "Belongs to its character's body",
+        "キャラクターの体に属します",
+        "属于角色的身体",
+    ),
+    (
+        "Fit this object with the outfit, or leave it to the character",
+        "このオブジェクトを衣装として合わせるか、キャラクターに残します",
+        "将此物体作为服装适配,或留给角色",
+    ),
+    (
+        "Give the outfit shape keys, driven by those of the target that move skin under it",
+        "下の肌を動かす転送先のシェイプキーで駆動されるキーを衣装に作ります",
+        "为服装创建形态键,由移动其下皮肤的目标形态键驱动",
+    ),
+    (
+        "How much of the distance between skin and cloth is taken away; below zero it grows. Outfits "
+        "fitted since the file was opened follow at once",
+        "肌と布の距離を減らす割合。負の値では広がります。ファイルを開いてから合わせた衣装はすぐに追従します",
+        "减去皮肤与布料距离的比例;负值则增大。打开文件后适配的服装会立即跟随",
+    ),
+    (
+        "Is fitted with its character's outfit",
+        "キャラクターの衣装として合わせます",
+        "随角色的服装一起适配",
+    ),
+    (
+        "List what the source wears",
+        "転送元が着ているものを一覧表示",
+        "列出来源所穿的物体",
+    ),
+    (
+        "Put copies of what the source wears onto every matched target: fitted, rigged and moving with it",
+        "転送元が着ているもののコピーを、マッチしたすべての転送先に合わせ、リグを付けて一緒に動くようにします",
+        "将来源所穿物体的副本穿到每个已匹配目标上:已适配、已绑定并随之运动",
+    ),
+    (
+        "Put what nobody sees of the target under the outfit into a vertex group, which a Mask "
+        "modifier leaves out. Nothing is deleted",
+        "衣装の下で見えない転送先の面を頂点グループに入れ、マスクモディファイアーで隠します。何も削除しません",
+        "将目标在服装下不可见的部分放入顶点组,由遮罩修改器隐藏。不会删除任何内容",
+    ),
+    (
+        "Whether this mesh is clothing of its character",
+        "このメッシュがキャラクターの衣装かどうか",
+        "此网格是否为角色的服装",
+    ),
+    (
+        "Worn where it lies over other meshes, unless small or hidden",
+        "他のメッシュを覆っていれば着用とみなします(小さいものや非表示のものを除く)",
+        "覆盖在其他网格之上即视为穿着,过小或隐藏的除外",
+    ),
 )

@@ -283,6 +283,20 @@ TABLE = (
     ("Finding every vertex", "全頂点を対応付け中", "正在对应所有顶点"),
     ("Following landmarks", "ランドマークを適用中", "正在应用标志点"),
     ("Writing", "書き込み中", "正在写入"),
+    # Fit Outfit.
+    ("Fit Outfit", "衣装を合わせる", "适配服装"),
+    ("Garments", "衣装", "服装"),
+    ("Worn", "着用", "穿着"),
+    ("Not Worn", "非着用", "未穿着"),
+    ("Distance", "距離", "距离"),
+    ("Tightness", "密着度", "贴合度"),
+    ("Follow Body Keys", "体のキーに追従", "跟随身体形态键"),
+    ("Hide Covered Skin", "隠れた肌を非表示", "隐藏被遮皮肤"),
+    (
+        "The source wears no objects of their own",
+        "転送元には独立した衣装オブジェクトがありません",
+        "来源没有独立的服装物体",
+    ),
     # Preferences.
     ("Threads", "スレッド数", "线程"),
     ("Quality", "品質", "质量"),

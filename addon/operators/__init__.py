@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators, a file for each step of the workflow."""
 
-from . import carry, fix, match, partner, pick, pieces, settings, show
+from . import carry, fix, match, outfit, partner, pick, pieces, settings, show
 
 CLASSES = (
     *match.CLASSES,
@@ -10,6 +10,7 @@ CLASSES = (
     *pick.CLASSES,
     *partner.CLASSES,
     *carry.CLASSES,
+    *outfit.CLASSES,
     *show.CLASSES,
     *settings.CLASSES,
 )

@@ -116,7 +116,7 @@ def _write(route, rig, named, bones, replaced, options):
         )
         for name, bone in bones.items()
     }
-    with _editing(own):
+    with editing(own):
         for bone in own.data.edit_bones:
             head, tail, up, scale = wanted[bone.name]
             # In single precision a bone far from the origin has to be longer to have a length.
@@ -148,7 +148,7 @@ def _finish(route, rig, own, named, bones, fresh, options):
     """Once all copies look at one another: constraints at rest, and actions."""
     holding = _holding(route.body, rig)
     fit_constraints(rig, own, named)
-    if settle(rig, own, named, holding, _editing):
+    if settle(rig, own, named, holding, editing):
         fit_constraints(rig, own, named)
     if not (actions_of(rig) or actions_of(own)):
         return
@@ -285,7 +285,7 @@ def _new_modifier(route, target, rig, name):
 
 
 @contextmanager
-def _editing(rig):
+def editing(rig):
     """The rig in edit mode, shown and without X-Axis Mirror meanwhile; all is as before afterwards."""
     layer, scene = bpy.context.view_layer, bpy.context.scene.collection
     active, selected = layer.objects.active, list(layer.objects.selected)

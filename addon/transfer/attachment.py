@@ -232,6 +232,11 @@ def _hang(route, own, parent, name):
     for modifier in own.modifiers:
         if modifier.type == "ARMATURE" and modifier.object is not None and modifier.object not in present:
             modifier.object = _rig_on_target(route, modifier.object) or modifier.object
+    hang(own, target, parent, name)
+
+
+def hang(own, target, parent, name=None):
+    """Parent an object, or leave it free, in the place where a target is with all bones at rest."""
     own.matrix_basis = Matrix.Identity(4)
     own.delta_location, own.delta_rotation_euler, own.delta_scale = (0, 0, 0), (0, 0, 0), (1, 1, 1)
     own.delta_rotation_quaternion = (1, 0, 0, 0)
@@ -243,17 +248,17 @@ def _hang(route, own, parent, name):
     elif parent is None:
         own.matrix_basis = target.matrix_world
     else:
-        own.matrix_parent_inverse = _parent_at_rest(parent, name).inverted_safe() @ target.matrix_world
+        own.matrix_parent_inverse = parent_at_rest(parent, name).inverted_safe() @ target.matrix_world
 
 
 def _put(target, own, parent, name, world):
     """Place the copy itself in the world, where its parent is at rest."""
     if parent is not None:
-        own.matrix_parent_inverse = _parent_at_rest(parent, name).inverted_safe()
+        own.matrix_parent_inverse = parent_at_rest(parent, name).inverted_safe()
     own.matrix_basis = world
 
 
-def _parent_at_rest(parent, name):
+def parent_at_rest(parent, name):
     """The matrix to which children of a parent, or of a bone of it at rest, are relative."""
     if name is None:
         return parent.matrix_world

@@ -121,9 +121,9 @@ def _own_mesh(own, companion, named, sides):
     own.data.name = own.name
     groups, _ = sides.of_all([group.name for group in own.vertex_groups])
     # Modifiers of a copy that was made before name its own groups already.
-    masks = list(_masks(own)) if before == companion.data else []
+    asked = list(masks(own)) if before == companion.data else []
     rename(own.vertex_groups, groups)
-    for modifier, setting, name in masks:
+    for modifier, setting, name in asked:
         setattr(modifier, setting, groups.get(name, name))
     if named:
         rename(own.data.shape_keys.key_blocks, named, own.data.shape_keys)
@@ -140,7 +140,7 @@ def _fits(own, mesh, named):
     return own != mesh and len(topologies) == 1 and keys == list(named.values())
 
 
-def _masks(own):
+def masks(own):
     """Modifiers that ask vertex groups, the setting and the name of the group."""
     for modifier in own.modifiers:
         for prop in modifier.bl_rna.properties:

@@ -50,11 +50,11 @@ def redirect(route, routes):
         keys = way.target.data.shape_keys
         if keys is not None and keys.animation_data is not None:
             own = exchanged | _with_data(way.answering[0], way.target)
-            _drivers([c for c in keys.animation_data.drivers if _key(c) in carried], own, route.sides)
+            point_drivers([c for c in keys.animation_data.drivers if _key(c) in carried], own, route.sides)
     for obj in [own for _, own in fitted] + copies:
         for held in (obj, obj.data, getattr(obj.data, "shape_keys", None)):
             if held is not None and held.animation_data is not None:
-                _drivers(held.animation_data.drivers, exchanged, route.sides)
+                point_drivers(held.animation_data.drivers, exchanged, route.sides)
         for modifier in obj.modifiers:
             point(modifier, exchanged, route.sides)
         if obj.type != "MESH":
@@ -85,7 +85,8 @@ def _key(curve):
     return found and bpy.utils.unescape_identifier(found[2])
 
 
-def _drivers(curves, exchanged, sides):
+def point_drivers(curves, exchanged, sides):
+    """Exchange what drivers look at, and the side of bones and keys named there."""
     for curve in curves:
         for variable in curve.driver.variables:
             for seen in variable.targets:

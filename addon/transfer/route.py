@@ -122,7 +122,7 @@ class Route:
     @cached_property
     def map(self):
         """The core's `SurfaceMap`; weights are brought back to a sum of one from single precision."""
-        return self._joined(self.source_points, self.target_points, *_stored(self.view, self.target.data))
+        return self._joined(self.source_points, self.target_points, *stored(self.view, self.target.data))
 
     def _joined(self, source_points, target_points, face, weights, confidence):
         return core.load().SurfaceMap(
@@ -258,15 +258,15 @@ class FigureRoute(Route):
     @cached_property
     def map(self):
         """The core's `SurfaceMap` onto all meshes."""
-        stored = [_stored(self.view, obj.data) for obj in self.targets]
+        found = [stored(self.view, obj.data) for obj in self.targets]
         return self._joined(
             self.source_points,
             self.target_points,
-            *(np.concatenate(values) for values in zip(*stored, strict=True)),
+            *(np.concatenate(values) for values in zip(*found, strict=True)),
         )
 
 
-def _stored(view, mesh):
+def stored(view, mesh):
     """Triangles of the view, weights and confidence that a mesh has of its match."""
     face, weights = view.places(*mesh_write.read_places(mesh))
     weights = np.clip(weights.astype(np.float64), 0.0, None)

@@ -743,8 +743,53 @@ class TestGarments:
             taken = found.partners[found.partners >= 0]
             assert len(taken) == min(one, other) and (np.diff(taken) > 0).all()
             assert found.nearest[0] == 0 and found.nearest[-1] == other - 1
+        # A chain's rows have one bone each.
+        rows = [
+            sgmds.transfer.SkinWeights(
+                np.arange(len(w) + 1), w.argmax(axis=1), np.ones(len(w)), np.zeros(0, int)
+            )
+            for w in (weights, other_weights)
+        ]
+        again = along.bones(*rows, parents, other_parents)
+        np.testing.assert_array_equal(again.partners, found.partners)
+        np.testing.assert_array_equal(again.shares, found.shares)
         with pytest.raises(sgmds.ArgumentError, match="parents of the source"):
             along.bones(weights, other_weights, np.roll(parents, 1) + 1, other_parents)
+
+    def test_rigs_tell_where_the_map_is_unsure(self):
+        source, faces = self.tube(1.0, -3, 3)
+        target = 1.7 * source
+        # The upper third is unsure, and lies half a unit too low on the source.
+        upper = source[:, 2] > 1.0
+        places = np.where(upper, np.arange(len(source)) - 5 * 40, np.arange(len(source)))
+        corners = np.array([np.flatnonzero((faces == v).any(axis=1))[0] for v in places])
+        weights = (faces[corners] == places[:, None]).astype(float)
+        trust = np.where(upper, 0.3, 1.0)
+        slid = sgmds.SurfaceMap((source, faces), (target, faces), corners, weights, trust)
+        bone = np.clip(((source[:, 2] + 3.0) / 2.0).astype(int), 0, 2)
+        skin, parents = np.eye(3)[bone], np.array([-1, 0, 1])
+        heads = np.array([[0.0, 0.0, -3.0], [0.0, 0.0, -1.0], [0.0, 0.0, 1.0]])
+        along = slid.guided(skin, skin, parents, parents, heads, 1.7 * heads)
+        off = np.linalg.norm(along.images - source, axis=1)
+        assert np.linalg.norm(slid.images - source, axis=1)[upper].min() > 0.49
+        # Ways are averaged over a quarter of a unit: a unit away from the border they are whole, or none.
+        assert off[source[:, 2] > 2.0].max() < 0.02 and off[source[:, 2] < 0.0].max() < 0.02
+        sure = sgmds.SurfaceMap((source, faces), (target, faces), corners, weights)
+        kept = sure.guided(skin, skin, parents, parents, heads, 1.7 * heads)
+        np.testing.assert_array_equal(kept.faces, sure.faces)
+        np.testing.assert_array_equal(kept.barycentric, sure.barycentric)
+        with pytest.raises(sgmds.ArgumentError, match="target_heads"):
+            slid.guided(skin, skin, parents, parents, heads, heads[:2])
+
+    def test_binding_tells_of_itself_and_stops(self):
+        source, faces = self.tube(1.0, -3, 3)
+        sleeve, cloth = self.tube(1.03, -1, 1, along=30)
+        along = self.between(source, source, faces)
+        told = []
+        along.fitting(sleeve, cloth, progress=lambda stage, fraction: told.append((stage, fraction)))
+        assert told and {stage for stage, _ in told} == {"garments"}
+        with pytest.raises(sgmds.Cancelled):
+            along.fitting(sleeve, cloth, progress=lambda *_: False)
 
     def test_nonsense_is_named(self):
         source, faces = self.tube(1.0, -3, 3)

@@ -99,9 +99,10 @@ class Strands:
 class BoneMap:
     """Bones of the source's rig and those of the target's.
 
-    For each bone of the source: `partners` (bones,), the bone of the target that does what it does, −1 without
-    one, no bone twice; `shares` (bones,), the intersection over union of what the two move; `nearest` (bones,),
-    the bone that moves most of what it moves, whoever else's partner that is, −1 for a bone that moves no skin.
+    For each bone of the source: `partners` (bones,), the bone of the target that does what it does, −1
+    without one, no bone twice; `shares` (bones,), the intersection over union of what the two move; `nearest`
+    (bones,), the bone that moves most of what it moves, whoever else's partner that is, −1 for a bone that
+    moves no skin.
     """
 
     partners: Ids
@@ -125,15 +126,20 @@ class Fitting:
         return self._core.place(distance, checked_number("tightness", tightness), bool(collide))
 
     def clearance(self, vertices: ArrayLike) -> Floats:
-        """Distance to the target's skin (n,) of the garments' vertices at places (n, 3), negative within it."""
+        """Distance (n,) to the target's skin of the garments' vertices at places (n, 3), negative within."""
         return self._core.clearance(self._vertices("vertices", vertices))
 
+    @property
+    def clearance_before(self) -> Floats:
+        """Distance (n,) to the source's skin of the garments' vertices, in the target's units."""
+        return self._core.clearance_before()
+
     def displacements(self, offsets: ArrayLike) -> Floats:
-        """The garments' own shape keys: displacements (n, 3) of their vertices on the source, on the target."""
+        """The garments' own shape keys: displacements (n, 3) on the source as those on the target."""
         return self._core.displacements(self._vertices("offsets", offsets))
 
     def hidden(self, vertices: ArrayLike, reach: float, margin: float) -> NDArray[np.bool_]:
-        """Which of the target's vertices the garments hide, (n_target,), with their vertices at places (n, 3).
+        """Which of the target's vertices the garments hide, (n_target,), their vertices at places (n, 3).
 
         Hidden is what lies under cloth at most `reach` above it, and along the edges at least `margin` from
         skin that does not, both in the target's units.
@@ -278,8 +284,8 @@ class SurfaceMap:
 
         They follow the target's build around each of their points, keep their own shape as far as that
         allows, and stay out of the body and in their order; garments and `stiff` are as in `fitting`.
-        `distance` is added to the gap to the skin, in the target's units; `tightness` takes so much of the gap
-        away, 1 all of it, and below 0 widens it; with `collide` false cloth may enter the body.
+        `distance` is added to the gap to the skin, in the target's units; `tightness` takes so much of the
+        gap away, 1 all of it, and below 0 widens it; with `collide` false cloth may enter the body.
         """
         bound = self.fitting(vertices, faces, stiff=stiff)
         return bound.place(distance=distance, tightness=tightness, collide=collide)
@@ -289,9 +295,9 @@ class SurfaceMap:
     ) -> Floats:
         """Weights of the target's vertices for its bones (n_target, bones) at those of garments, (n, bones).
 
-        The garments, vertices (n, 3) and triangles (m, 3), are as the source wears them. Each vertex takes the
-        weights of the skin under it; with `reject_below` what lies over skin whose image is trusted less is
-        filled from the rest of its garment.
+        The garments, vertices (n, 3) and triangles (m, 3), are as the source wears them. Each vertex takes
+        the weights of the skin under it; with `reject_below` what lies over skin whose image is trusted less
+        is filled from the rest of its garment.
         """
         weights = checked_array("weights", weights, np.float64, self._target_count, None)
         skin = _rows(_finite("weights", weights))
@@ -309,29 +315,47 @@ class SurfaceMap:
     ) -> BoneMap:
         """Which bone of the target's rig does what each bone of the source's does, by what they move.
 
-        `source_weights` (n_source, bones) and `target_weights` (n_target, bones) are those of the two skins, as
-        tables or as `SkinWeights`;
-        `source_parents` and `target_parents` (bones,) the parent of each bone, −1 of a root. Two bones share
-        C/(|a| + |b| − C), with C the area in which both have weight times their weights, and |a| and |b| what
-        each has. Of all assignments in which what hangs on a bone goes to what hangs on its partner the one
-        that shares most is taken, so that a spine keeps its order whatever the number of its bones.
+        `source_weights` (n_source, bones) and `target_weights` (n_target, bones) are those of the two skins,
+        as tables or as `SkinWeights`; `source_parents` and `target_parents` (bones,) the parent of each bone,
+        −1 of a root. Two bones share C/(A₁ + A₂ − C), with C = Σ area · min(w₁, w₂) and A₁ and A₂ the
+        sums Σ area · w of each. Of all assignments in which what hangs on a bone goes to what hangs on its
+        partner the one that shares most is taken, so that a spine keeps its order whatever the number of its
+        bones.
         """
-        parents, weights = [], []
-        for side, values, above, count in (
-            ("source", source_weights, source_parents, self._source_count),
-            ("target", target_weights, target_parents, self._target_count),
-        ):
-            parents.append(checked_array(f"{side}_parents", above, np.int64, None))
-            if isinstance(values, SkinWeights):
-                rows = values.starts, values.groups, values.weights
-                kinds = np.uint32, np.uint32, np.float64
-                shapes = (count + 1,), (None,), (None,)
-                each = zip(rows, kinds, shapes, strict=True)
-                weights.append([checked_array(f"{side}_weights", row, kind, *shape) for row, kind, shape in each])
-            else:
-                values = checked_array(f"{side}_weights", values, np.float64, count, len(parents[-1]))
-                weights.append(_rows(_finite(f"{side}_weights", values)))
-        return BoneMap(*self._core.bones(*((*rows, above) for rows, above in zip(weights, parents, strict=True))))
+        source = _rig("source", source_weights, source_parents, self._source_count)
+        target = _rig("target", target_weights, target_parents, self._target_count)
+        return BoneMap(*self._core.bones(source, target))
+
+    def guided(
+        self,
+        source_weights: ArrayLike | SkinWeights,
+        target_weights: ArrayLike | SkinWeights,
+        source_parents: ArrayLike,
+        target_parents: ArrayLike,
+        source_heads: ArrayLike,
+        target_heads: ArrayLike,
+    ) -> SurfaceMap:
+        """The map in which doubtful vertices lie where the rigs of both bodies put them.
+
+        Rigs are as in `bones`; `source_heads` and `target_heads` (bones, 3) are the places where their bones
+        begin, with the bodies as they are. A vertex of confidence c goes min(1, 2 (1 − c)) of the way from
+        its image to where the bones put it, of which those with a partner that hold 2 % of the skin tell: a
+        head that is many times as large is found by its bone. Sure vertices stay.
+        """
+        source = _rig("source", source_weights, source_parents, self._source_count)
+        target = _rig("target", target_weights, target_parents, self._target_count)
+        heads = [
+            _finite(name, checked_array(name, given, np.float64, len(rig[3]), 3))
+            for name, given, rig in (
+                ("source_heads", source_heads, source),
+                ("target_heads", target_heads, target),
+            )
+        ]
+        bodies = (
+            (self._source_count, self._source_triangles),
+            (self._target_count, self._target_triangles),
+        )
+        return SurfaceMap._made(self._core.guided(source, target, *heads), *bodies)
 
     def displacements(self, offsets: ArrayLike, turn_only: bool = False) -> Floats:
         """Shape keys: displacements (n_source, 3), or of several keys (keys, n_source, 3), of the source's
@@ -627,6 +651,20 @@ def _rows(table: Floats) -> tuple[NDArray[np.uint32], NDArray[np.uint32], Floats
     rows, columns = np.nonzero(table)
     starts = np.searchsorted(rows, np.arange(len(table) + 1)).astype(np.uint32)
     return starts, columns.astype(np.uint32), table[rows, columns]
+
+
+def _rig(
+    side: str, weights: ArrayLike | SkinWeights, parents: ArrayLike, count: int
+) -> tuple[NDArray[np.uint32], NDArray[np.uint32], Floats, Ids]:
+    """Rows of weights of so many vertices, checked, and parents of their bones."""
+    parents = checked_array(f"{side}_parents", parents, np.int64, None)
+    name = f"{side}_weights"
+    if not isinstance(weights, SkinWeights):
+        table = _finite(name, checked_array(name, weights, np.float64, count, len(parents)))
+        return (*_rows(table), parents)
+    starts = checked_array(name, weights.starts, np.uint32, count + 1)
+    bones = checked_array(name, weights.groups, np.uint32, None)
+    return starts, bones, checked_array(name, weights.weights, np.float64, None), parents
 
 
 def _cell(tile: Any) -> tuple[int, int]:

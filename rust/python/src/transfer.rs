@@ -15,6 +15,7 @@ use sgmds_core::transfer::joints::fitted_joints;
 use sgmds_core::transfer::normal_maps::{FixedSpace, TangentSpace};
 use sgmds_core::transfer::outfit::bodies::Bodies;
 use sgmds_core::transfer::outfit::bone_map::{Rig, bone_map};
+use sgmds_core::transfer::outfit::guidance::{Skeleton, guided};
 use sgmds_core::transfer::outfit::settings::Settings;
 use sgmds_core::transfer::outfit::{self, Sitting};
 use sgmds_core::transfer::seam_cuts::seam_cuts;
@@ -78,6 +79,22 @@ pub struct Fitting {
     fitting: Arc<outfit::Fitting>,
 }
 
+/// Starts, bones and weights of rows of vertices, and the parent of each bone.
+type GivenRig = (Vec<u32>, Vec<u32>, Vec<f64>, Vec<i64>);
+
+fn checked_rig(given: GivenRig) -> Result<(SkinWeights, Vec<i64>), Error> {
+    let (starts, bones, weights, parents) = given;
+    let skin = SkinWeights::new(starts, bones, weights, parents.len())?;
+    Ok((skin, parents))
+}
+
+fn as_rig(checked: &(SkinWeights, Vec<i64>)) -> Rig<'_> {
+    Rig {
+        skin: &checked.0,
+        parents: &checked.1,
+    }
+}
+
 #[pymethods]
 impl Fitting {
     /// Where the garments' vertices lie on the target, (n, 3).
@@ -109,6 +126,11 @@ impl Fitting {
         let (fitting, positions) = (Arc::clone(&self.fitting), triples(&positions)?);
         let found = watched(py, None, None, move |_| fitting.clearance(&positions))?;
         Ok(found.into_pyarray(py))
+    }
+
+    /// Signed distance to the source of each vertex, in the target's units.
+    fn clearance_before<'py>(&self, py: Python<'py>) -> Array1<'py, f64> {
+        self.fitting.clearance_before().into_pyarray(py)
     }
 
     /// Displacements of the vertices (n, 3) on the source as on the target.
@@ -227,32 +249,16 @@ impl SurfaceMap {
     /// For each bone of the source its partner on the target or −1, their share, and the nearest bone or −1.
     ///
     /// A rig is starts, bones and weights of rows of vertices, and the parent of each bone.
-    #[expect(clippy::type_complexity, reason = "one array for each")]
     fn bones<'py>(
         &self,
         py: Python<'py>,
-        source: (Vec<u32>, Vec<u32>, Vec<f64>, Vec<i64>),
-        target: (Vec<u32>, Vec<u32>, Vec<f64>, Vec<i64>),
+        source: GivenRig,
+        target: GivenRig,
     ) -> PyResult<(Array1<'py, i64>, Array1<'py, f64>, Array1<'py, i64>)> {
         let map = Arc::clone(&self.map);
         let found = watched(py, None, None, move |_| {
-            let skin =
-                |(starts, bones, weights, parents): (Vec<u32>, Vec<u32>, Vec<f64>, Vec<i64>)| {
-                    let skin = SkinWeights::new(starts, bones, weights, parents.len())?;
-                    Ok::<_, Error>((skin, parents))
-                };
-            let (source, target) = (skin(source)?, skin(target)?);
-            bone_map(
-                &map,
-                Rig {
-                    skin: &source.0,
-                    parents: &source.1,
-                },
-                Rig {
-                    skin: &target.0,
-                    parents: &target.1,
-                },
-            )
+            let (source, target) = (checked_rig(source)?, checked_rig(target)?);
+            bone_map(&map, as_rig(&source), as_rig(&target))
         })?;
         let number = |bone: Option<u32>| bone.map_or(-1, i64::from);
         let each = found.iter();
@@ -264,6 +270,32 @@ impl SurfaceMap {
             shares.into_pyarray(py),
             nearest.into_pyarray(py),
         ))
+    }
+
+    /// The map in which doubtful vertices lie where the rigs put them; a rig as in `bones`, heads of its bones (n, 3).
+    fn guided(
+        &self,
+        py: Python<'_>,
+        source: GivenRig,
+        target: GivenRig,
+        source_heads: PyReadonlyArray2<'_, f64>,
+        target_heads: PyReadonlyArray2<'_, f64>,
+    ) -> PyResult<Self> {
+        let map = Arc::clone(&self.map);
+        let (heads_1, heads_2) = (triples(&source_heads)?, triples(&target_heads)?);
+        let found = watched(py, None, None, move |_| {
+            let (source, target) = (checked_rig(source)?, checked_rig(target)?);
+            let skeleton = |rig, heads| Skeleton { rig, heads };
+            guided(
+                &map,
+                skeleton(as_rig(&source), &heads_1),
+                skeleton(as_rig(&target), &heads_2),
+            )
+        })?;
+        Ok(Self {
+            map: Arc::new(found),
+            bodies: OnceLock::new(),
+        })
     }
 
     /// Source triangle of each target vertex, small parts on their counterparts.

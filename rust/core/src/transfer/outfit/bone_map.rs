@@ -34,8 +34,8 @@ pub struct Partner {
 
 /// The partner on the target of each bone of the source.
 ///
-/// Bones a and b share `C/(|a| + |b| − C)`, with `C = Σ area · w₁(x) w₂(y)` over the target's vertices y and their images x
-/// and `|·|` their areas `Σ area · w`. Of all assignments that take descendants of a bone to descendants of its partner the
+/// Bones a and b share `C/(|a| + |b| − C)`, with `C = Σ area · min(w₁(x), w₂(y))` over the target's vertices y and their
+/// images x and `|·|` their areas `Σ area · w`: 1 for what moves the same with the same weights, however soft. Of all assignments that take descendants of a bone to descendants of its partner the
 /// one with the largest sum is taken, so that along a chain the order is kept and no bone is taken twice.
 ///
 /// # Errors
@@ -149,6 +149,8 @@ fn shares(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Vec<Vec<f64>> {
     let (count_1, count_2) = (source.parents.len(), target.parents.len());
     let mut common = vec![vec![0.0; count_2]; count_1];
     let (mut size_1, mut size_2) = (vec![0.0; count_1], vec![0.0; count_2]);
+    // Weights of the image of a vertex.
+    let mut image: Vec<(u32, f64)> = Vec::new();
     for (v, (point, area)) in map.points.iter().zip(map.target.vertex_areas()).enumerate() {
         // A place of which nothing is known says nothing of its bones.
         let area = area * map.confidence[v];
@@ -156,13 +158,19 @@ fn shares(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Vec<Vec<f64>> {
             size_2[b as usize] += area * w;
         }
         let corners = map.source.triangles[point.face as usize];
+        image.clear();
         for (corner, weight) in corners.into_iter().zip(point.weights) {
             for (a, own) in source.skin.row(corner as usize) {
-                let w = area * weight * own;
-                size_1[a as usize] += w;
-                for (b, other) in target.skin.row(v) {
-                    common[a as usize][b as usize] += w * other;
+                match image.iter_mut().find(|(bone, _)| *bone == a) {
+                    Some((_, sum)) => *sum += weight * own,
+                    None => image.push((a, weight * own)),
                 }
+            }
+        }
+        for &(a, own) in &image {
+            size_1[a as usize] += area * own;
+            for (b, other) in target.skin.row(v) {
+                common[a as usize][b as usize] += area * own.min(other);
             }
         }
     }

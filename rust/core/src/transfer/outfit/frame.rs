@@ -100,7 +100,7 @@ impl Samples {
     /// surface; with them it scales it by s. None where nothing is near that looks the same way.
     ///
     /// # Source
-    /// Moving least squares: Schaefer, McPhail, Warren, "Image deformation using moving least squares", 2006; the normals
+    /// Moving least squares: Schaefer, `McPhail`, Warren, "Image deformation using moving least squares", 2006; the normals
     /// are this program's.
     #[must_use]
     pub fn frame(

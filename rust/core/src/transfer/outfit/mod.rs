@@ -10,7 +10,8 @@
 //! 4. [`collision`]: the cloth leaves the body, [`layers`] leave one another, and [`stiff`] pieces go as a whole.
 //!
 //! 1 to 3 do not depend on how tight a garment shall be and are done once, in [`Fitting::new`]; [`Fitting::place`] does the
-//! rest. Weights and whatever else the target's skin has travel along [`Fitting::on_target`], bones by [`bone_map`].
+//! rest. Weights and whatever else the target's skin has travel along [`Fitting::on_target`], bones by [`bone_map`]; where both
+//! bodies have rigs, these tell where the map is unsure ([`guidance`]).
 
 pub mod binding;
 pub mod bodies;
@@ -19,6 +20,7 @@ pub mod collision;
 pub mod equations;
 pub mod frame;
 pub mod garment;
+pub mod guidance;
 pub mod hidden;
 pub mod layers;
 pub mod outside;
@@ -229,6 +231,13 @@ impl Fitting {
             })
             .collect();
         Ok(self.given(&found))
+    }
+
+    /// Distance of each of the garments' vertices to the source's skin, in the target's units, negative within the body.
+    #[must_use]
+    pub fn clearance_before(&self) -> Vec<f64> {
+        let found: Vec<f64> = self.bindings.iter().map(|b| b.clearance).collect();
+        self.given(&found)
     }
 
     /// Displacements of the garments' vertices on the source as on the target, J of each.

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fit Outfit: copies of what one character wears, on the matched targets."""
+
+import bpy
+from bpy.props import StringProperty
+from bpy.types import Operator
+
+from .. import core, pair
+from ..mesh_read import UnusableObjectError
+from ..outfit import fitting, live, reading, wardrobe, writing
+from .match import JobOperator
+from .step import Step, needs_matched
+
+
+def wearer_of(found):
+    """The character whose clothes a pair is about."""
+    return wardrobe.wearer(found.source, found.targets)
+
+
+def garments_of(wearer, names=""):
+    """What is fitted: the objects that a script names, a line each, or those that are worn."""
+    wanted = [line.strip() for line in names.splitlines() if line.strip()]
+    if wanted:
+        there = {obj.name: obj for obj in wearer.whole}
+        missing = [name for name in wanted if name not in there]
+        if missing:
+            raise UnusableObjectError(f"'{wearer.name}' does not have {', '.join(missing)}")
+        return [there[name] for name in wanted]
+    if len(wearer.whole) == 1:
+        raise UnusableObjectError(
+            f"'{wearer.name}' is one mesh. Separate its clothes into objects of their own: select their "
+            "faces in Edit Mode and press P"
+        )
+    worn = wardrobe.worn(wearer)
+    if not worn:
+        raise UnusableObjectError(f"Nothing that '{wearer.name}' wears is checked")
+    return worn
+
+
+def options_of(settings):
+    return fitting.Options(
+        settings.outfit_distance, settings.outfit_tightness, settings.outfit_body_keys, settings.outfit_hide
+    )
+
+
+def begin_fitting(context, wearer, garments, targets, options):
+    """A generator that reads one target after another; its value is the job.
+
+    What cannot be read of one target does not stop the others.
+    """
+    wishes, trouble = [], []
+    for target in targets:
+        yield
+        try:
+            wishes.append(reading.read(context, wearer, garments, target))
+        except UnusableObjectError as reason:
+            trouble.append(str(reason))
+    if not wishes:
+        raise UnusableObjectError(" ".join(trouble))
+    job = fitting.OutfitJob(wishes, options)
+    job.notes += trouble
+    return job
+
+
+def store_fitted(context, job, wearer_name):
+    """Write what a finished job fitted; returns pairs of the outfit and its copies, and words on the rest."""
+    made, trouble = (
+        [],
+        [f"The outfit was not fitted to '{name}': {core.explain(why)}" for name, why in job.failures],
+    )
+    for fitted in job.results:
+        try:
+            copies, notes = writing.write(context, fitted, wearer_name)
+        except UnusableObjectError as reason:
+            trouble.append(str(reason))
+            continue
+        made.append((fitted, copies))
+        trouble += notes
+    return made, trouble + job.notes
+
+
+class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
+    """Put copies of what the source wears onto every matched target: fitted, rigged and moving with it"""
+
+    bl_idname = "spectral_match.fit_outfit"
+    bl_label = "Fit Outfit"
+    bl_options = {"UNDO"}
+
+    garments: StringProperty(
+        name="Garments",
+        description="For scripts: names of the objects to fit, a line each, instead of the check boxes",
+        options={"SKIP_SAVE"},
+    )
+
+    obstacle = staticmethod(needs_matched)
+
+    def begin(self, context):
+        found = pair.resolve(context)
+        wearer = wearer_of(found)
+        self._wearer = wearer.name
+        garments = garments_of(wearer, self.garments)
+        options = options_of(context.scene.spectral_match)
+        return (yield from begin_fitting(context, wearer, garments, found.targets, options))
+
+    def conclude(self, context, job):
+        if job.cancelled:
+            self.report({"INFO"}, "Cancelled; nothing was changed")
+            return {"CANCELLED"}
+        made, trouble = store_fitted(context, job, self._wearer)
+        if not made:
+            return self.fail(" ".join(trouble))
+        self.warn(trouble)
+        words = summary(made)
+        context.scene.spectral_match.outfit_inside = words.partition(": ")[2]
+        self.report({"INFO"}, words)
+        return {"FINISHED"}
+
+
+def summary(made):
+    """What was fitted, and how much of it is inside."""
+    pieces = len(made[0][1])
+    inside, many = (
+        sum(values) for values in zip(*((each.inside, len(each.places)) for each, _ in made), strict=True)
+    )
+    to = f"'{made[0][0].wish.label}'" if len(made) == 1 else f"{len(made)} characters"
+    return f"Fitted {pieces} garment{'s' if pieces > 1 else ''} to {to}: {live.words_inside(inside, many)}"
+
+
+class SPECTRAL_MATCH_OT_toggle_worn(Step, Operator):
+    """Fit this object with the outfit, or leave it to the character"""
+
+    bl_idname = "spectral_match.toggle_worn"
+    bl_label = "Worn"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    garment: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def act(self, context):
+        found = pair.resolve(context)
+        obj = bpy.data.objects.get(self.garment)
+        if found.source is None or obj not in wearer_of(found).whole:
+            raise UnusableObjectError(f"'{self.garment}' is no mesh of the chosen source")
+        worn = obj in wardrobe.worn(wearer_of(found))
+        obj.spectral_match_worn = wardrobe.NOT_WORN if worn else wardrobe.WORN
+        return {"FINISHED"}
+
+
+CLASSES = (SPECTRAL_MATCH_OT_fit_outfit, SPECTRAL_MATCH_OT_toggle_worn)

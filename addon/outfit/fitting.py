@@ -1,0 +1,358 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""The work beside the window: arrays of a wish in, places, weights and shape keys on the target out."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ..job import Job
+from .reading import Rows
+
+# A body's shape key is made for a garment when it moves skin under it by this share of what it moves at most:
+# a smile does not move a hat.
+COVERED = 0.05
+# Skin under cloth counts as hidden up to this distance, and from this distance from skin that shows, in
+# heights of a person: 7 cm and 2 cm.
+REACH, MARGIN = 0.04, 0.012
+# What is deeper than this in the target is counted as inside, in heights: a millimetre of a person.
+INSIDE = 0.0006
+# Rounds in which displacements of a body's key are averaged along the garment, which bridges what lies over
+# two parts of a body.
+SMOOTHING = 2
+
+
+@dataclass(frozen=True)
+class Options:
+    """What the panel says. `distance` is in units of the world."""
+
+    distance: float = 0.0
+    tightness: float = 0.0
+    body_keys: bool = True
+    hide: bool = False
+
+
+@dataclass(frozen=True)
+class Bone:
+    """A bone of a garment's rig that the target's lacks.
+
+    `parent` is the name of one of the target's bones, or the number in the list of new ones, or None; `move`
+    (3, 4) is how what it moves comes from the source to the target.
+    """
+
+    rig_uid: int
+    rig_name: str
+    name: str
+    parent: str | int | None
+    move: np.ndarray
+
+
+@dataclass(frozen=True)
+class Worn:
+    """One garment on the target: weights of its vertices for named bones, and shape keys.
+
+    A name is one of the target's bones, or the number of a new one; `renamed` tells those for the names of
+    the source's bones, and `bone` is the one on which the garment hangs without weights, or None.
+    """
+
+    names: list
+    rows: Rows
+    keys: dict
+    body_keys: dict
+    renamed: dict
+    bone: str | int | None = None
+
+
+@dataclass(frozen=True)
+class Fitted:
+    """An outfit on one target: `places` (n, 3) of its vertices, how many are inside, and new bones.
+
+    `partners` are names of bones of the source's rig and those of the target's that do what these do.
+    """
+
+    wish: object
+    fitting: object
+    places: np.ndarray
+    worn: list
+    bones: list
+    inside: int
+    hidden: np.ndarray | None
+    partners: dict
+
+
+@dataclass
+class OutfitJob(Job):
+    """Fit the garments of each wish to its target."""
+
+    wishes: list
+    options: Options
+    results: list = field(default_factory=list, init=False)
+    failures: list = field(default_factory=list, init=False)
+
+    def _work(self, sgmds):
+        for number, wish in enumerate(self.wishes):
+            part = self._progress("Fitting the outfit", number / len(self.wishes), 1.0 / len(self.wishes))
+            try:
+                self.results.append(fit(sgmds, wish, self.options, part))
+            except sgmds.Cancelled:
+                raise
+            except sgmds.SgmdsError as reason:
+                self.failures.append((wish.label, reason))
+            self._check_cancelled(sgmds)
+
+
+def fit(sgmds, wish, options, progress=None):
+    """One outfit on one target."""
+    along = _guided(sgmds, wish, sgmds.SurfaceMap(wish.source, wish.target, *wish.places))
+    points = np.concatenate([garment.points for garment in wish.garments])
+    triangles = np.concatenate([each.triangles + each.vertices.start for each in wish.garments])
+    stiff = np.concatenate([np.full(len(each.points), bool(each.bone)) for each in wish.garments])
+    fitting = along.fitting(points, triangles, stiff=stiff if stiff.any() else None, progress=progress)
+    places = place(fitting, wish, options)
+    if progress is not None:
+        progress("weights", 0.6)
+    below = fitting.on_target(places)
+    skin = _skin_weights(wish, below)
+    partners, mapped, bones = _bones(sgmds, wish, along, points, places)
+    keys = fitting_keys(fitting, wish)
+    body_keys = _body_keys(wish, below, triangles) if options.body_keys else [{} for _ in wish.garments]
+    worn = []
+    for number, garment in enumerate(wish.garments):
+        renamed = mapped.get(garment.name, {})
+        names, rows = _weights(wish, garment, renamed, skin)
+        bone = renamed.get(garment.bone)
+        worn.append(Worn(names, rows, keys[number], body_keys[number], renamed, bone))
+    hidden = None
+    if options.hide:
+        hidden = fitting.hidden(places, REACH * wish.height, MARGIN * wish.height)
+    inside = count_inside(fitting, wish, places)
+    return Fitted(wish, fitting, places, worn, bones, inside, hidden, partners)
+
+
+def _guided(sgmds, wish, along):
+    """The map, where it is unsure by the rigs of both bodies."""
+    if not _have_rigs(wish):
+        return along
+    skins, rigs = _skins(sgmds, wish), wish.rigs
+    return along.guided(*skins, *(rig.parents for rig in rigs), *(rig.heads for rig in rigs))
+
+
+def _have_rigs(wish):
+    """Whether both bodies are moved by bones."""
+    return None not in wish.rigs and all(len(rows.weight) for rows in wish.skins)
+
+
+def _skins(sgmds, wish):
+    """Weights of both bodies as the core takes them."""
+    return [
+        rows.compressed(len(body[0]), sgmds.transfer.SkinWeights)
+        for rows, body in zip(wish.skins, (wish.source, wish.target), strict=True)
+    ]
+
+
+def place(fitting, wish, options):
+    """Places of all garments' vertices at a distance and tightness."""
+    size = np.cbrt(abs(np.linalg.det(wish.to_world[1][:3, :3])))
+    return fitting.place(distance=options.distance / size, tightness=options.tightness)
+
+
+def count_inside(fitting, wish, places):
+    """How many vertices are inside the target, deeper than they were in the source and than a millimetre of a
+    person: soles and linings were inside on purpose.
+    """
+    least = np.minimum(fitting.clearance_before, 0.0) - INSIDE * wish.height
+    return int((fitting.clearance(places) < least).sum())
+
+
+def fitting_keys(fitting, wish):
+    """Displacements of each garment's own shape keys on the target."""
+    count = sum(len(garment.points) for garment in wish.garments)
+    found = []
+    for garment in wish.garments:
+        own = {}
+        for name, offsets in garment.keys.items():
+            padded = np.zeros((count, 3))
+            padded[garment.vertices] = offsets
+            own[name] = fitting.displacements(padded)[garment.vertices]
+        found.append(own)
+    return found
+
+
+def _at_anchors(along, triangles, values):
+    """Values of the target's vertices under each of the garments'."""
+    return np.einsum("ij,ijc->ic", along.barycentric, values[triangles[along.faces]])
+
+
+def _body_keys(wish, below, triangles):
+    """For each garment the displacements by which it follows shape keys of the body."""
+    averaged = _averaging(triangles, len(below.faces))
+    found = [{} for _ in wish.garments]
+    for name, offsets in wish.body_keys.items():
+        least = COVERED * np.linalg.norm(offsets, axis=1).max(initial=0.0)
+        moved = _at_anchors(below, wish.target[1], offsets)
+        length = np.linalg.norm(moved, axis=1)
+        chosen = [least > 0.0 and length[each.vertices].max(initial=0.0) >= least for each in wish.garments]
+        if any(chosen):
+            for _ in range(SMOOTHING):
+                moved = averaged(moved)
+        for own, garment, follows in zip(found, wish.garments, chosen, strict=True):
+            if follows:
+                own[name] = moved[garment.vertices]
+    return found
+
+
+def _averaging(triangles, count):
+    """What takes the mean of each vertex's value and its neighbours'."""
+    pairs = np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
+    edges = np.unique(np.concatenate([pairs, pairs[:, ::-1]]), axis=0)
+    starts = np.flatnonzero(np.diff(edges[:, 0], prepend=-1))
+    held = edges[starts, 0]
+    many = np.ones(count)
+    many[held] += np.diff(np.append(starts, len(edges)))
+
+    def averaged(values):
+        sums = values.copy()
+        if len(edges):
+            sums[held] += np.add.reduceat(values[edges[:, 1]], starts, axis=0)
+        return sums / many[:, None]
+
+    return averaged
+
+
+def _skin_weights(wish, below):
+    """Weights of the target's skin at all garments' vertices, as rows."""
+    skin, rig = wish.skins[1], wish.rigs[1]
+    if rig is None or not len(skin.weight):
+        return Rows(*(np.zeros(0, kind) for kind in (np.int64, np.int64, np.float64)))
+    starts = np.searchsorted(skin.vertex, np.arange(len(wish.target[0]) + 1))
+    found = below.skin_weights(starts, skin.bone, skin.weight, len(rig.names))
+    vertex = np.repeat(np.arange(len(found.starts) - 1), np.diff(found.starts))
+    return Rows(vertex, np.asarray(found.groups, np.int64), found.weights)
+
+
+def _bones(sgmds, wish, along, points, places):
+    """What stands on the target for bones of the source's rig, and for those that move each garment, by its
+    name: a name, or the number of a new bone; and the new bones.
+    """
+    given, own = wish.rigs
+    if own is None:
+        return {}, {}, []
+    partners, nearest = {}, {}
+    if _have_rigs(wish):
+        found = along.bones(*_skins(sgmds, wish), given.parents, own.parents)
+        for number, name in enumerate(given.names):
+            if found.partners[number] >= 0:
+                partners[name] = own.names[found.partners[number]]
+            if found.nearest[number] >= 0:
+                nearest[name] = own.names[found.nearest[number]]
+    mapped, bones = {}, []
+    for garment in wish.garments:
+        if garment.rig is not None:
+            mapped[garment.name] = _mapped(wish, garment, partners, nearest, bones)
+    _put(wish, bones, mapped, points, places)
+    return nearest | partners, mapped, bones
+
+
+def _mapped(wish, garment, partners, nearest, bones):
+    """Names of a garment's bones → names of the target's, or numbers of new bones, appended to `bones`."""
+    rig, own = garment.rig, wish.rigs[1]
+    used = {rig.names[bone] for bone in np.unique(garment.rows.bone)} | ({garment.bone} - {""})
+    parent_of = {
+        name: rig.names[p] if p >= 0 else None for name, p in zip(rig.names, rig.parents, strict=True)
+    }
+    own_parent = {
+        name: own.names[p] if p >= 0 else None for name, p in zip(own.names, own.parents, strict=True)
+    }
+    found = {}
+
+    def settle(name):
+        """Names of parents are settled before those of their children."""
+        if name in found or name is None:
+            return found.get(name)
+        target = partners.get(name) or nearest.get(name) or own.brought.get((rig.name, name))
+        if target is None:
+            parent = settle(parent_of[name])
+            if name in own_parent and own_parent[name] == parent and name not in partners.values():
+                target = name
+            else:
+                target = next(
+                    (k for k, bone in enumerate(bones) if (bone.rig_uid, bone.name) == (rig.uid, name)), None
+                )
+            if target is None:
+                target = len(bones)
+                bones.append(Bone(rig.uid, rig.name, name, parent, np.eye(3, 4)))
+        found[name] = target
+        return target
+
+    for name in rig.names:
+        if name in used:
+            settle(name)
+    return found
+
+
+def _put(wish, bones, mapped, points, places):
+    """Place new bones as what they move was moved."""
+    for number, bone in enumerate(bones):
+        weight = np.zeros(len(points))
+        for garment in wish.garments:
+            table = mapped.get(garment.name, {})
+            if garment.rig is None or garment.rig.uid != bone.rig_uid:
+                continue
+            below = {name for name, target in table.items() if _hangs_on(bones, target, number)}
+            moving = np.isin(garment.rows.bone, [garment.rig.names.index(name) for name in below])
+            np.add.at(weight[garment.vertices], garment.rows.vertex[moving], garment.rows.weight[moving])
+            if garment.bone in below:
+                weight[garment.vertices] = 1.0
+        bone.move[:] = similarity(points, places, weight)
+
+
+def _hangs_on(bones, target, number):
+    """Whether a new bone is the one of this number, or below it."""
+    while isinstance(target, int):
+        if target == number:
+            return True
+        target = bones[target].parent
+    return False
+
+
+def similarity(before, after, weight):
+    """Turn, scale and shift (3, 4) that take weighted points nearest to where they went.
+
+    Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
+    """
+    weight = weight / weight.sum() if weight.sum() > 0.0 else np.full(len(before), 1.0 / len(before))
+    middle_1, middle_2 = weight @ before, weight @ after
+    one, other = before - middle_1, after - middle_2
+    u, s, v = np.linalg.svd((other * weight[:, None]).T @ one)
+    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ v)) or 1.0])
+    spread = weight @ (one * one).sum(axis=1)
+    scale = (s * signs).sum() / spread if spread > 0.0 else 1.0
+    turn = scale * (u * signs) @ v
+    return np.column_stack([turn, middle_2 - turn @ middle_1])
+
+
+def _weights(wish, garment, mapped, skin):
+    """Names of bones and the weights of a garment's vertices for them: its own, else those of the skin."""
+    own = wish.rigs[1]
+    if own is None or garment.bone:
+        return [], Rows(*(np.zeros(0, kind) for kind in (np.int64, np.int64, np.float64)))
+    count = len(garment.points)
+    names = list(own.names)
+    here = (skin.vertex >= garment.vertices.start) & (skin.vertex < garment.vertices.stop)
+    below = skin.vertex[here] - garment.vertices.start, skin.bone[here], skin.weight[here]
+    if not len(garment.rows.weight):
+        return names, Rows(*below)
+    new = sorted({target for target in mapped.values() if isinstance(target, int)})
+    place = {name: number for number, name in enumerate(own.names)} | {
+        number: len(own.names) + k for k, number in enumerate(new)
+    }
+    names += new
+    table = np.full(len(garment.rig.names), -1)
+    for name, target in mapped.items():
+        table[garment.rig.names.index(name)] = place[target]
+    vertex, bone, weight = garment.rows.vertex, table[garment.rows.bone], garment.rows.weight
+    weighted = np.bincount(vertex, weight, minlength=count) > 0.0
+    bare = ~weighted[below[0]]
+    parts = ((vertex, bone, weight), tuple(values[bare] for values in below))
+    vertex, bone, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
+    key, together = np.unique(vertex * len(names) + bone, return_inverse=True)
+    return names, Rows(key // len(names), key % len(names), np.bincount(together, weight, minlength=len(key)))

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Outfits that were fitted since the file was opened, which can be placed anew without binding."""
+
+from collections import OrderedDict
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+
+from .. import core, mesh_read, notice, pair
+from ..transfer.shape_keys import read_key
+from . import fitting
+
+# A bound outfit holds some 2 kB a vertex, and its bodies as much.
+MOST_KEPT = 8
+# By the session ids of their copies, oldest first.
+_kept: OrderedDict[tuple, fitting.Fitted] = OrderedDict()
+
+
+def keep(fitted, copies):
+    """Remember a fitted outfit until another file is opened."""
+    uids = tuple(obj.session_uid for obj in copies)
+    for key in [key for key in _kept if set(key) & set(uids)]:
+        del _kept[key]
+    _kept[uids] = fitted
+    while len(_kept) > MOST_KEPT:
+        _kept.popitem(last=False)
+
+
+def kept_for(targets):
+    """The outfits on these objects that can still be placed anew, with their copies."""
+    wanted = {obj.session_uid for obj in targets}
+    found = []
+    for uids, fitted in _kept.items():
+        if fitted.wish.bodies[0][0] in wanted:
+            copies = [mesh_read.find_object(bpy.data.objects, uid) for uid in uids]
+            if all(map(_is_whole, copies, fitted.wish.garments)):
+                found.append((fitted, copies))
+    return found
+
+
+def _is_whole(obj, garment):
+    there = obj is not None and obj.type == "MESH" and obj.mode == "OBJECT"
+    return there and len(obj.data.vertices) == len(garment.points)
+
+
+def place_again(targets, options):
+    """Place the outfits on these objects anew; returns how many vertices are inside now, and of how many."""
+    inside = many = 0
+    for fitted, copies in kept_for(targets):
+        places = fitting.place(fitted.fitting, fitted.wish, options)
+        back = fitted.wish.back
+        for obj, garment, worn in zip(copies, fitted.wish.garments, fitted.worn, strict=True):
+            own = {name: offsets @ back for name, offsets in (worn.body_keys | worn.keys).items()}
+            put(obj, places[garment.vertices] @ back, own)
+        inside += fitting.count_inside(fitted.fitting, fitted.wish, places)
+        many += len(places)
+    return inside, many
+
+
+def put(own, points, keys):
+    """Write coordinates of an object's vertices, and of its shape keys as displacements from these.
+
+    Keys that are not given keep theirs.
+    """
+    held = own.data.shape_keys
+    if held is not None:
+        basis = read_key(held.reference_key)
+        for block in held.key_blocks:
+            offsets = keys.get(block.name)
+            if offsets is None or block == held.reference_key:
+                offsets = read_key(block) - basis
+            block.data.foreach_set("co", (points + offsets).astype(np.float32).ravel())
+    own.data.vertices.foreach_set("co", points.astype(np.float32).ravel())
+    own.data.update()
+
+
+def follow_sliders(settings, context):
+    """Place the outfits on the chosen targets as the sliders say."""
+    targets = [piece for target in pair.resolve(context).targets for piece in target.whole]
+    options = fitting.Options(settings.outfit_distance, settings.outfit_tightness)
+    try:
+        inside, many = place_again(targets, options)
+    except core.load().SgmdsError as reason:
+        notice.say(str(reason))
+        return
+    if many:
+        settings.outfit_inside = words_inside(inside, many)
+
+
+def words_inside(inside, many):
+    """How much of an outfit is inside the body, in words."""
+    if not inside:
+        return "nothing is inside the body"
+    share = 100.0 * inside / many
+    return f"{inside} of {many} vertices ({share:.2g} %) are inside the body"
+
+
+@persistent
+def forget(_path=None, _unused=None):
+    _kept.clear()
+
+
+HANDLERS = (("load_pre", forget),)

@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a character wears: its meshes that lie over others of its meshes."""
+
+import bpy
+import numpy as np
+from bpy.app.handlers import persistent
+from mathutils.bvhtree import BVHTree
+
+from .. import character, mesh_read
+
+AUTOMATIC, WORN, NOT_WORN = "AUTOMATIC", "WORN", "NOT_WORN"
+# Smaller meshes belong to the body unless they are checked: eyes, teeth and lashes.
+SMALLEST = 0.1
+# What is worn lies over other meshes with so much of its vertices, up to this share of the character's size:
+# half the width of a wide skirt. So many vertices are asked.
+COVERING, UNDER, PROBES = 0.3, 0.06, 100
+# So many of the bones that move what is worn move what it lies on too: a glove is worn, an arm is not.
+SHARED = 0.5
+# Session ids of the meshes of a character → the ids of the objects that are worn, if no box says otherwise.
+_found: dict[tuple, frozenset] = {}
+
+
+def wearer(source, targets):
+    """The whole character that a chosen source belongs to, itself where that has meshes of the targets."""
+    whole = character.of(source.lead)
+    taken = {piece for target in targets for piece in target.whole}
+    if whole is None or taken.intersection(whole.whole):
+        return source
+    return whole
+
+
+def body_of(body):
+    """The largest mesh of a character that is not worn."""
+    wearing = [obj for obj in body.pieces if obj not in worn(body)] or body.pieces
+    return max(wearing, key=lambda obj: character.extent([obj]))
+
+
+def others(body):
+    """All meshes of a character beside its body."""
+    wearing = body_of(body)
+    return [obj for obj in body.whole if obj != wearing]
+
+
+def worn(body):
+    """What a character wears: as the boxes say, else the larger of its meshes that lie over others."""
+    key = tuple(obj.data.session_uid for obj in body.pieces)
+    if key not in _found:
+        _found[key] = _lying_over(body.pieces)
+    return [obj for obj in body.whole if _is_worn(obj, body, _found[key])]
+
+
+def _is_worn(obj, body, found):
+    if obj.spectral_match_worn != AUTOMATIC:
+        return obj.spectral_match_worn == WORN
+    return obj in body.pieces and obj.session_uid in found
+
+
+def _lying_over(pieces):
+    """Session ids of the larger pieces that lie over others, at rest."""
+    trees, points = _surfaces(pieces)
+    corners = np.concatenate(points)
+    size = np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))
+    share = np.zeros((len(pieces), len(pieces)))
+    for number, own in enumerate(points):
+        asked = own[:: max(1, len(own) // PROBES)].tolist()
+        for place in asked:
+            other = _below(place, trees, number, UNDER * size)
+            if other is not None:
+                share[number, other] += 1.0 / len(asked)
+    # Of two that lie in one another, as thick cloth and skin may, the one that does so more.
+    share[share <= share.T] = 0.0
+    found = set()
+    for number, (obj, own) in enumerate(zip(pieces, points, strict=True)):
+        large = np.linalg.norm(own.max(axis=0) - own.min(axis=0)) > SMALLEST * size
+        under = [pieces[other] for other in np.flatnonzero(share[number])]
+        if large and share[number].sum() >= COVERING and _shares_bones(obj, under):
+            found.add(obj.session_uid)
+    return frozenset(found)
+
+
+def _surfaces(pieces):
+    """A search tree of each piece, and its vertices, in the space of the first."""
+    trees, points = [], []
+    for obj, matrix in zip(pieces, character.placed(pieces), strict=True):
+        local = mesh_read.positions(obj.data).astype(np.float64)
+        points.append(local @ matrix[:3, :3].T + matrix[:3, 3])
+        triangles = mesh_read.triangle_vertices(obj.data)
+        if np.linalg.det(matrix[:3, :3]) < 0.0:
+            triangles = triangles[:, ::-1]
+        trees.append(BVHTree.FromPolygons(points[-1].tolist(), triangles.tolist(), all_triangles=True))
+    return trees, points
+
+
+def _below(place, trees, own, reach):
+    """Which other surface is nearest to a place, up to a distance, if the place is on its outer side."""
+    hits = [(tree.find_nearest(place, reach), other) for other, tree in enumerate(trees) if other != own]
+    near = [(hit[3], other, hit) for hit, other in hits if hit[0] is not None]
+    if not near:
+        return None
+    _, other, (at, normal, _, _) = min(near, key=lambda each: each[:2])
+    height = sum(n * (p - q) for n, p, q in zip(normal, place, at, strict=True))
+    return other if height > 0.0 else None
+
+
+def _shares_bones(obj, under):
+    """Whether enough of the bones that move an object move what it lies on, or none is known to."""
+    used = character.groups_used(obj) if character.skin_of(obj) is not None else frozenset()
+    held = frozenset().union(*map(character.groups_used, under))
+    return not used or len(used & held) >= SHARED * len(used)
+
+
+@persistent
+def _forget_changed(_scene, depsgraph):
+    for update in depsgraph.updates if _found else ():
+        if update.is_updated_geometry:
+            changed = update.id.original
+            mesh = changed.data if isinstance(changed, bpy.types.Object) else changed
+            if isinstance(mesh, bpy.types.Mesh):
+                for key in [key for key in _found if mesh.session_uid in key]:
+                    del _found[key]
+
+
+@persistent
+def forget(_scene=None, _unused=None):
+    _found.clear()
+
+
+HANDLERS = (
+    ("depsgraph_update_post", _forget_changed),
+    ("undo_post", forget),
+    ("redo_post", forget),
+    ("load_pre", forget),
+)

@@ -1,0 +1,467 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Fit Outfit on copies of a character made by code, where it is known how the shirt has to sit."""
+
+import json
+
+import bpy
+import figures
+import numpy as np
+import pytest
+from bipeds import Figure
+from conftest import choose, new_object, turned
+from mathutils import Matrix
+from test_transfer import store_map, weights_of
+
+from addon import command_line, mesh_read, notice
+from addon.mesh_write import write_attribute
+from addon.outfit import live, wardrobe
+
+# Frames keep a thousandth of their ridge, over a body that is four high.
+CLOSE = 4e-3
+
+
+def known_map(source, target, old):
+    """Store that each vertex of the target's body lies on that of the source that it is a copy of."""
+    triangles = mesh_read.triangle_vertices(source.data)
+    face, corner = np.empty((2, len(source.data.vertices)), int)
+    for k in range(3):
+        face[triangles[:, k]], corner[triangles[:, k]] = np.arange(len(triangles)), k
+    store_map(source, target, face[old], np.eye(3)[corner[old]])
+
+
+@pytest.fixture
+def dressed(scene):
+    """A dressed character and its turned, renumbered copy without the shirt, with other names of bones."""
+    source = figures.character("Source")
+    target = figures.character("Target", moved=True)
+    bpy.data.objects.remove(target.shirt)
+    for bone, name in (("Low", "Unten"), ("High", "Oben")):
+        target.rig.data.bones[bone].name = name
+    known_map(source.body, target.body, target.old["Body"])
+    choose(source.body, target.body)
+    bpy.context.view_layer.update()
+    return source, target
+
+
+def fit(**properties):
+    assert bpy.ops.spectral_match.fit_outfit(**properties) == {"FINISHED"}
+
+
+def copy_of(name):
+    (found,) = [obj for obj in bpy.data.objects if obj.get("spectral_match_made_from") == name]
+    return found
+
+
+def places(obj, evaluated=False):
+    """Coordinates in the world."""
+    if not evaluated:
+        points = mesh_read.positions(obj.data)
+    else:
+        shown = obj.evaluated_get(bpy.context.evaluated_depsgraph_get())
+        points = mesh_read.positions(shown.to_mesh())
+    matrix = np.array(obj.matrix_world)
+    return points @ matrix[:3, :3].T + matrix[:3, 3]
+
+
+def group_names(obj):
+    used = {entry.group for vertex in obj.data.vertices for entry in vertex.groups if entry.weight > 0.0}
+    return {group.name for group in obj.vertex_groups if group.index in used}
+
+
+def test_a_shirt_sits_on_a_copy_as_it_did_and_moves_with_its_rig(dressed):
+    source, target = dressed
+    assert [obj.name for obj in wardrobe.worn(wardrobe_of(source))] == [source.shirt.name]
+    material = bpy.data.materials.new("Cloth")
+    source.shirt.data.materials.append(material)
+    fit()
+    shirt = copy_of(source.shirt.name)
+    np.testing.assert_allclose(places(shirt), turned(places(source.shirt)), atol=CLOSE)
+    assert shirt.parent == target.rig and list(shirt.data.materials) == [material]
+    assert [m.object for m in shirt.modifiers if m.type == "ARMATURE"] == [target.rig]
+    assert shirt.data != source.shirt.data
+    # Its own weights, for the bones that do the same.
+    assert group_names(shirt) == {"Unten", "Oben"}
+    renamed = {"Low": "Unten", "High": "Oben"}
+    given = {(v, renamed[name]): w for (v, name), w in weights_of(source.shirt).items()}
+    assert weights_of(shirt) == pytest.approx(given, abs=1e-6)
+    figures.bend(source.rig)
+    turn = turned(np.eye(3)) - turned(np.zeros((1, 3)))
+    axes = np.array(target.rig.data.bones["Oben"].matrix_local)[:3, :3]
+    given = np.array(source.rig.data.bones["High"].matrix_local)[:3, :3]
+    basis = np.array(source.rig.pose.bones["High"].matrix_basis)[:3, :3]
+    turning = turn.T @ given @ basis @ given.T @ turn
+    target.rig.pose.bones["Oben"].matrix_basis = Matrix((axes.T @ turning @ axes).tolist()).to_4x4()
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(
+        places(shirt, evaluated=True), turned(places(source.shirt, evaluated=True)), atol=2 * CLOSE
+    )
+
+
+def wardrobe_of(made):
+    from addon import character
+
+    return character.of(made.body)
+
+
+def test_cloth_without_groups_takes_those_of_the_body_under_it(dressed):
+    source, target = dressed
+    source.shirt.vertex_groups.clear()
+    fit()
+    shirt = copy_of(source.shirt.name)
+    points = figures.meshes()["Shirt"][0]
+    rows = [sum(entry.weight for entry in vertex.groups) for vertex in shirt.data.vertices]
+    np.testing.assert_allclose(rows, 1.0, atol=1e-5)
+    # By which share the body's nearest skin follows the lower bone; the bend lies between vertices.
+    low = np.array([weights_of(shirt).get((v, "Unten"), 0.0) for v in range(len(points))])
+    np.testing.assert_allclose(low, figures.low_share(points), atol=0.06)
+
+
+def test_bones_that_the_target_lacks_come_along_with_what_follows_them(dressed):
+    source, target = dressed
+    bpy.context.view_layer.objects.active = source.rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    for name, parent, ends in (
+        ("Root", "Low", ((0, 0, -0.5), (0, 0, -0.7))),
+        ("Hem", "Root", ((0, 0, -0.7), (0, 0.1, -0.9))),
+    ):
+        made = source.rig.data.edit_bones.new(name)
+        made.head, made.tail = ends
+        made.parent = source.rig.data.edit_bones[parent]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    source.shirt.vertex_groups.new(name="Hem").add(range(10), 0.5, "REPLACE")
+    limit = source.rig.pose.bones["Hem"].constraints.new("COPY_ROTATION")
+    limit.target, limit.subtarget = source.rig, "High"
+    curve = source.rig.pose.bones["Hem"].driver_add("location", 0)
+    seen = curve.driver.variables.new()
+    seen.type = "TRANSFORMS"
+    seen.targets[0].id, seen.targets[0].bone_target = source.rig, "Low"
+    choose(source.body, target.body)
+    for _ in range(2):
+        fit()
+    bones = target.rig.data.bones
+    assert set(bones.keys()) == {"Unten", "Oben", "Root", "Hem"}
+    assert bones["Root"].parent == bones["Unten"] and bones["Hem"].parent == bones["Root"]
+    for name in ("Root", "Hem"):
+        given = source.rig.data.bones[name]
+        ends = np.array([given.head_local, given.tail_local])
+        np.testing.assert_allclose(
+            np.array([bones[name].head_local, bones[name].tail_local]), turned(ends), atol=2 * CLOSE
+        )
+    (constraint,) = target.rig.pose.bones["Hem"].constraints
+    assert (constraint.target, constraint.subtarget) == (target.rig, "Oben")
+    (driver,) = target.rig.animation_data.drivers
+    seen = driver.driver.variables[0].targets[0]
+    assert (driver.data_path, seen.id, seen.bone_target) == (
+        'pose.bones["Hem"].location',
+        target.rig,
+        "Unten",
+    )
+    assert "Hem" in group_names(copy_of(source.shirt.name))
+
+
+def test_shape_keys_of_the_shirt_and_of_the_body_are_there(dressed):
+    source, target = dressed
+    source.shirt.shape_key_add(name="Basis")
+    puff = source.shirt.shape_key_add(name="Puff")
+    for entry in puff.data:
+        entry.co.x += 0.1
+    target.body.shape_key_add(name="Basis")
+    for name, moved in (("Fat", slice(None)), ("Nose", None)):
+        key = target.body.shape_key_add(name=name)
+        points = np.array([entry.co for entry in key.data])
+        heights = figures.meshes()["Body"][0][target.old["Body"], 2]
+        chosen = np.arange(len(points)) if moved else np.flatnonzero(heights > 1.0)
+        for vertex in chosen.tolist():
+            key.data[vertex].co.y += 0.2
+    # A shape key does not change the mesh, but a match notices when its coordinates are other ones.
+    known_map(source.body, target.body, target.old["Body"])
+    fit()
+    shirt = copy_of(source.shirt.name)
+    blocks = shirt.data.shape_keys.key_blocks
+    assert set(blocks.keys()) == {"Basis", "Puff", "Fat"}
+
+    def moved(name):
+        values = [np.empty(len(shirt.data.vertices) * 3, np.float32) for _ in range(2)]
+        for block, each in zip(("Basis", name), values, strict=True):
+            blocks[block].data.foreach_get("co", each)
+        return (values[1] - values[0]).reshape(-1, 3)
+
+    way = (turned(np.array([[0.1, 0.0, 0.0]])) - turned(np.zeros((1, 3))))[0]
+    np.testing.assert_allclose(moved("Puff"), np.tile(way, (len(moved("Puff")), 1)), atol=1e-3)
+    np.testing.assert_allclose(moved("Fat"), np.tile((0.0, 0.2, 0.0), (len(moved("Fat")), 1)), atol=1e-5)
+    before = places(shirt, evaluated=True)
+    target.body.data.shape_keys.key_blocks["Fat"].value = 0.5
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(places(shirt, evaluated=True) - before, moved("Fat") / 2.0, atol=1e-5)
+
+
+def test_sliders_move_a_fitted_shirt_and_keep_its_keys(dressed):
+    source, target = dressed
+    settings = bpy.context.scene.spectral_match
+    source.shirt.shape_key_add(name="Basis")
+    for entry in source.shirt.shape_key_add(name="Puff").data:
+        entry.co.x += 0.1
+    fit()
+    shirt = copy_of(source.shirt.name)
+    first = places(shirt)
+    settings.outfit_distance = 0.05
+    further = places(shirt)
+    # Cloth at a distance of a tenth of its reach follows by all but a hundredth.
+    np.testing.assert_allclose(np.linalg.norm(further - first, axis=1), 0.05, rtol=0.1)
+    blocks = shirt.data.shape_keys.key_blocks
+    offset = np.array(blocks["Puff"].data[0].co) - np.array(blocks["Basis"].data[0].co)
+    assert np.linalg.norm(offset) == pytest.approx(0.1, rel=0.02)
+    settings.outfit_distance = 0.0
+    np.testing.assert_allclose(places(shirt), first, atol=1e-6)
+    settings.outfit_tightness = 1.0
+    tight = places(shirt)
+    assert np.linalg.norm(tight - first, axis=1).max() < 1.1 * figures.OFF
+    assert np.linalg.norm(tight - first, axis=1).mean() > 0.3 * figures.OFF
+    live.forget()
+    settings.outfit_tightness = 0.0
+    np.testing.assert_array_equal(places(shirt), tight)
+
+
+def test_hidden_skin_is_masked_and_nothing_is_deleted(dressed):
+    source, target = dressed
+    count = len(target.body.data.vertices)
+    bpy.context.scene.spectral_match.outfit_hide = True
+    for _ in range(2):
+        fit()
+    (mask,) = [m for m in target.body.modifiers if m.type == "MASK"]
+    assert mask.invert_vertex_group and mask.vertex_group == "Hidden by Source"
+    hidden = {vertex for vertex, name in weights_of(target.body) if name == mask.vertex_group}
+    heights = figures.meshes()["Body"][0][target.old["Body"], 2]
+    assert len(target.body.data.vertices) == count and hidden
+    inside = (heights > figures.SHIRT_FROM) & (heights < figures.SHIRT_TO)
+    assert inside[list(hidden)].all()
+
+
+def test_originals_stay_and_a_second_press_fits_again(dressed):
+    source, target = dressed
+    before = {obj.name: (places(obj).tolist(), weights_of(obj)) for obj in (*source.pieces, target.body)}
+    groups = {obj.name: obj.vertex_groups.keys() for obj in (*source.pieces, target.body)}
+    fit()
+    shirt, count = copy_of(source.shirt.name), len(bpy.data.meshes)
+    shirt.name = "Mine"
+    fit()
+    assert copy_of(source.shirt.name) == shirt and len(bpy.data.meshes) == count
+    for obj in (*source.pieces, target.body):
+        assert (places(obj).tolist(), weights_of(obj)) == before[obj.name]
+        assert obj.vertex_groups.keys() == groups[obj.name]
+
+
+def test_undo_takes_an_outfit_back(dressed):
+    source, target = dressed
+    names = set(bpy.data.objects.keys())
+    bpy.ops.ed.undo_push(message="Before")
+    fit()
+    bpy.ops.ed.undo_push(message="Fit Outfit")
+    assert set(bpy.data.objects.keys()) != names
+    bpy.ops.ed.undo()
+    assert set(bpy.data.objects.keys()) == names
+
+
+def test_a_match_made_with_the_shirt_on_leads_to_the_skin_under_it(dressed):
+    source, target = dressed
+    fit()
+    wanted = places(copy_of(source.shirt.name))
+    # Images under the shirt are on the shirt, as a match of whole characters finds them.
+    shirt = mesh_read.positions(source.shirt.data).astype(float)
+    body = mesh_read.positions(source.body.data).astype(float)[target.old["Body"]]
+    apart = np.linalg.norm(body[:, None] - shirt[None], axis=2)
+    under = apart.min(axis=1) < 1.01 * figures.OFF
+    triangles = mesh_read.triangle_vertices(source.shirt.data)
+    face, corner = np.empty((2, len(shirt)), int)
+    for k in range(3):
+        face[triangles[:, k]], corner[triangles[:, k]] = np.arange(len(triangles)), k
+    nearest = apart.argmin(axis=1)
+    mesh = target.body.data
+    faces = np.empty(len(body), np.int32)
+    weights = np.empty(len(body) * 3, np.float32)
+    mesh.attributes["match_face"].data.foreach_get("value", faces)
+    mesh.attributes["match_barycentric"].data.foreach_get("vector", weights)
+    weights = weights.reshape(-1, 3)
+    faces[under], weights[under] = face[nearest[under]], np.eye(3)[corner[nearest[under]]]
+    write_attribute(mesh, "match_face", "INT", "POINT", faces)
+    write_attribute(mesh, "match_barycentric", "FLOAT_VECTOR", "POINT", weights)
+    write_attribute(mesh, "match_piece", "INT", "POINT", under.astype(np.int32))
+    for piece in (source.body, source.shirt):
+        kept = target.body.spectral_match_pieces.add()
+        kept.object, kept.name = piece, piece.name
+        kept.fingerprint = str(mesh_read.fingerprint(piece.data))
+    fit()
+    # The skin under a place of the cloth is found up to the angle between skin and cloth.
+    np.testing.assert_allclose(places(copy_of(source.shirt.name)), wanted, atol=0.03)
+
+
+def test_boxes_decide_what_is_fitted(dressed):
+    source, target = dressed
+    for piece in (source.eye, source.shirt):
+        assert bpy.ops.spectral_match.toggle_worn(garment=piece.name) == {"FINISHED"}
+    fit()
+    eye = copy_of(source.eye.name)
+    assert eye.parent_type == "BONE" and eye.parent_bone == "Oben" and eye.parent == target.rig
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(places(eye), turned(places(source.eye)), atol=0.02)
+    assert not [obj for obj in bpy.data.objects if obj.get("spectral_match_made_from") == source.shirt.name]
+
+
+def test_what_is_worn_lies_over_what_the_same_bones_move(scene):
+    made = figures.character("Source")
+    points, faces = figures.lumpy(6)
+    # An arm beside the body, and a glove over it.
+    arm = new_object("Arm", 0.3 * points + (1.3, 0.0, 0.0), faces)
+    glove = new_object("Glove", 0.34 * points + (1.3, 0.0, 0.0), faces)
+    for obj in (arm, glove):
+        obj.vertex_groups.new(name="Hand").add(range(len(points)), 1.0, "REPLACE")
+        obj.modifiers.new("Rig", "ARMATURE").object = made.rig
+        obj.parent = made.rig
+    bpy.context.view_layer.update()
+    body = wardrobe_of(made)
+    assert {obj.name for obj in body.whole} == {"Source Body", "Source Shirt", "Source Eye", "Arm", "Glove"}
+    assert {obj.name for obj in wardrobe.worn(body)} == {"Source Shirt", "Glove"}
+    assert wardrobe.body_of(body) == made.body
+    glove.hide_viewport = True
+    assert [obj.name for obj in wardrobe.worn(wardrobe_of(made))] == ["Source Shirt"]
+
+
+def test_what_cannot_be_fitted_is_said_and_changes_nothing(dressed):
+    source, target = dressed
+    names = set(bpy.data.objects.keys())
+
+    def refused(words):
+        with pytest.raises(RuntimeError, match=words):
+            bpy.ops.spectral_match.fit_outfit()
+        assert set(bpy.data.objects.keys()) == names
+
+    with pytest.raises(RuntimeError, match="does not have Coat"):
+        bpy.ops.spectral_match.fit_outfit(garments="Coat")
+    source.shirt.spectral_match_worn = wardrobe.NOT_WORN
+    refused("Nothing that 'Source' wears is checked")
+    assert "checked" in notice.words
+    source.shirt.spectral_match_worn = wardrobe.AUTOMATIC
+    target.body.data.vertices.add(1)
+    refused("Match again")
+
+
+def dress(source, rig, layers=("Suit", "Coat")):
+    """Clothes of a biped with a rig, cut from its skin and moved off it."""
+    made, found = source.made, []
+    normals = np.array([vertex.normal for vertex in source.obj.data.vertices])
+    names = list(made.body.names)
+    moving = np.array(names)[made.weights.argmax(axis=1)]
+    for name, off, parts in (
+        ("Suit", 0.006, ("hips", "chest", "thigh", "upper_arm", "shin")),
+        ("Coat", 0.02, ("hips", "chest", "upper_arm")),
+    ):
+        if name not in layers:
+            continue
+        chosen = np.array([bone.startswith(parts) for bone in moving])
+        faces = made.faces[chosen[made.faces].all(axis=1)]
+        used, number = np.unique(faces, return_inverse=True)
+        points = source.size * (made.vertices + off * normals)[used]
+        obj = new_object(name, points, number.reshape(faces.shape).tolist())
+        for bone, column in zip(names, made.weights.T, strict=True):
+            group = obj.vertex_groups.new(name=bone)
+            for vertex, weight in enumerate(column[used].tolist()):
+                if weight > 0.0:
+                    group.add([vertex], weight, "REPLACE")
+        obj.modifiers.new("Rig", "ARMATURE").object = rig
+        obj.parent, obj.matrix_parent_inverse = rig, rig.matrix_world.inverted()
+        found.append(obj)
+    bpy.context.view_layer.update()
+    return found
+
+
+def test_a_body_of_another_build_is_left_by_cloth_of_every_layer(scene):
+    """A suit and a coat over it go to a wider body in another pose."""
+    source, target = Figure("Source"), Figure("Target", build="stout", pose="A", seed=3)
+    rig_1, rig_2 = source.rigged(), target.rigged()
+    layers = dress(source, rig_1)
+    target.store_known(source)
+    choose(source.obj, target.obj)
+    fit()
+    copies = [copy_of(obj.name) for obj in layers]
+    ((fitted, _),) = live.kept_for([target.obj])
+    assert fitted.inside == 0
+    for own in copies:
+        assert [m.object for m in own.modifiers if m.type == "ARMATURE"] == [rig_2]
+        assert group_names(own) <= set(rig_2.data.bones.keys())
+    above = fitted.fitting.clearance(fitted.places)
+    suit, coat = (above[garment.vertices] for garment in fitted.wish.garments)
+    assert suit.min() > 0.0 and coat.min() > 0.0
+    assert coat.mean() > suit.mean()
+
+
+@pytest.mark.parametrize(("scale", "y_up"), [(0.01, False), (1.0, True), (100.0, True)])
+def test_units_and_axes_of_rigs_do_not_matter(scene, scale, y_up):
+    source, target = Figure("Source"), Figure("Target", size=2.5)
+    rig_1, rig_2 = source.rigged(), target.rigged(scale, y_up)
+    (suit,) = dress(source, rig_1, ("Suit",))
+    target.store_known(source)
+    choose(source.obj, target.obj)
+    fit()
+    own = copy_of("Suit")
+    # A larger copy of itself: the least distance to the skin, a thousandth of the height, is kept besides.
+    np.testing.assert_allclose(places(own), 2.5 * places(suit), atol=2.5 * 4e-3)
+    rig_2.pose.bones["chest"].matrix_basis = Matrix.Rotation(0.4, 4, "Z")
+    rig_1.pose.bones["chest"].matrix_basis = Matrix.Rotation(0.4, 4, "Z")
+    bpy.context.view_layer.update()
+    np.testing.assert_allclose(places(own, True), 2.5 * places(suit, True), atol=2.5 * 6e-3)
+
+
+def test_targets_without_a_rig_get_the_outfit_as_their_child(scene):
+    source = figures.character("Source")
+    targets = [figures.character(name, moved=True, rigged=False) for name in ("One", "Two")]
+    for target in targets:
+        bpy.data.objects.remove(target.shirt)
+        known_map(source.body, target.body, target.old["Body"])
+    targets[1].body.location.x = 7.0
+    scene.spectral_match.whole_characters = False
+    choose(source.body, *(target.body for target in targets))
+    fit()
+    copies = [obj for obj in bpy.data.objects if obj.get("spectral_match_made_from") == source.shirt.name]
+    assert {obj.parent for obj in copies} == {target.body for target in targets}
+    for obj in copies:
+        assert not [m for m in obj.modifiers if m.type == "ARMATURE"]
+        shift = np.array(obj.parent.location)
+        np.testing.assert_allclose(places(obj), turned(places(source.shirt)) + shift, atol=CLOSE)
+
+
+def test_a_linked_rig_takes_no_bones_and_cloth_follows_the_bone_above(dressed, tmp_path):
+    source, target = dressed
+    bpy.context.view_layer.objects.active = source.rig
+    bpy.ops.object.mode_set(mode="EDIT")
+    made = source.rig.data.edit_bones.new("Hem")
+    made.head, made.tail, made.parent = (0, 0, -0.7), (0, 0.1, -0.9), source.rig.data.edit_bones["Low"]
+    bpy.ops.object.mode_set(mode="OBJECT")
+    source.shirt.vertex_groups.new(name="Hem").add(range(10), 0.5, "REPLACE")
+    file = tmp_path / "rig.blend"
+    bpy.data.libraries.write(str(file), {target.rig}, fake_user=True)
+    with bpy.data.libraries.load(str(file), link=True) as (there, here):
+        here.objects = there.objects[:1]
+    linked = here.objects[0]
+    bpy.context.collection.objects.link(linked)
+    for obj in (target.body, target.eye):
+        obj.parent = None
+    target.body.modifiers["Rig"].object = linked
+    bpy.data.objects.remove(target.rig)
+    scene = bpy.context.scene
+    scene.spectral_match.whole_characters = False
+    choose(source.body, target.body)
+    fit()
+    assert set(linked.data.bones.keys()) == {"Unten", "Oben"} and "takes no bones" in notice.words
+    assert group_names(copy_of(source.shirt.name)) == {"Unten", "Oben"}
+
+
+def test_the_command_line_fits_outfits(dressed, tmp_path):
+    source, target = dressed
+    report, output = tmp_path / "report.json", tmp_path / "out.blend"
+    words = ["transfer", "--source", source.body.name, "--target", target.body.name, "--transfer", "outfit"]
+    assert command_line.run([*words, "--output", str(output), "--json", str(report)]) == 0
+    (pair,) = json.loads(report.read_text())["files"][0]["pairs"]
+    assert pair["outfit"].startswith("Fitted 1 garment to ") and pair["transferred"] == ["outfit"]
+    bpy.ops.wm.open_mainfile(filepath=str(output))
+    shirt = copy_of("Source Shirt")
+    np.testing.assert_allclose(places(shirt), turned(places(bpy.data.objects["Source Shirt"])), atol=CLOSE)
