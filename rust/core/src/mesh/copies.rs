@@ -25,7 +25,7 @@ const FIRST: usize = 32;
 /// Fewest triangles of a piece that is told by them.
 const FEWEST_FACES: usize = 12;
 /// Triangles among which those are chosen that fewest others are similar to, and how many of these are laid.
-const DRAWN: usize = 200;
+const DRAWN: usize = 50;
 const SEEDS: usize = 4;
 /// Triangles that each is laid onto.
 const TRIED: usize = 32;
@@ -65,6 +65,10 @@ pub fn originals(
     mirrored: bool,
     check: Check<'_>,
 ) -> Result<Vec<Option<Original>>> {
+    let mut found = vec![None; target.vertices.len()];
+    if source.faces.len() < FEWEST_FACES {
+        return Ok(found);
+    }
     let similar = Similar::new(source);
     let mut search = Search {
         source: Side::new(source),
@@ -76,10 +80,9 @@ pub fn originals(
         laid: vec![false; target.faces.len()],
         is_original: vec![false; source.vertices.len()],
     };
-    let mut found = vec![None; target.vertices.len()];
     for piece in search.pieces() {
         check()?;
-        if piece.len() < FEWEST_FACES {
+        if piece.len() < FEWEST_FACES || piece.len() > source.faces.len() {
             continue;
         }
         let seeds = search.rarest(&piece, &similar);
@@ -296,7 +299,7 @@ impl Search<'_> {
         if !ratio.is_finite() {
             return None;
         }
-        let (mut counted, mut alike) = (0, 0);
+        let (mut counted, mut alike) = (0usize, 0usize);
         let (mut all_same, mut is_part) = (true, false);
         let mut open = vec![(own, onto)];
         self.laid[reached[0]] = true;
@@ -330,7 +333,7 @@ impl Search<'_> {
                     open.push(([b, a, own_third], [q, p, third]));
                 }
             }
-            if (alike + FIRST) < (MOST * counted as f64) as usize {
+            if ((alike + FIRST) as f64) < MOST * counted as f64 {
                 return None;
             }
         }
@@ -358,34 +361,55 @@ impl Search<'_> {
     }
 }
 
-/// Faces by their shapes.
+/// Faces by their shapes, the middle and the shortest edge over the longest, in cells of a square grid of [`ALIKE`].
 struct Similar {
-    /// Middle and shortest edge over the longest, ascending by the first.
-    shapes: Vec<([f64; 2], u32)>,
+    shapes: Vec<[f64; 2]>,
+    cells: Adjacency,
 }
+
+/// Cells along a side, with one around them.
+const CELLS: usize = (1.0 / ALIKE) as usize + 3;
 
 impl Similar {
     fn new(mesh: Triangles<'_>) -> Self {
-        let of = |face: u32| {
-            let [short, middle, long] = edges(mesh, face as usize);
-            ([middle / long, short / long], face)
-        };
-        let faces = (0..mesh.faces.len() as u32).into_par_iter();
-        let mut shapes: Vec<([f64; 2], u32)> = faces.map(of).collect();
-        shapes.par_sort_by(|a, b| a.0[0].total_cmp(&b.0[0]));
-        Self { shapes }
+        let faces = (0..mesh.faces.len()).into_par_iter();
+        let shapes: Vec<[f64; 2]> = faces.map(|face| shape(edges(mesh, face))).collect();
+        let faces = shapes.iter().enumerate();
+        let faces = faces.filter(|(_, shape)| shape.iter().all(|ratio| ratio.is_finite()));
+        let in_cells = faces.map(|(face, shape)| (cell(*shape), face as u32));
+        let cells = Adjacency::from_lists(CELLS * CELLS, in_cells);
+        Self { shapes, cells }
     }
 
     /// Those similar to a triangle of edges in ascending order, and how unlike they are.
-    fn to(&self, &[short, middle, long]: &[f64; 3]) -> impl Iterator<Item = (f64, u32)> + '_ {
-        let [first, second] = [middle / long, short / long];
-        let start = self.shapes.partition_point(|(s, _)| s[0] < first - ALIKE);
-        let alike = self.shapes[start..].iter();
-        let alike = alike.take_while(move |(s, _)| s[0] <= first + ALIKE);
-        alike
-            .map(move |&(s, face)| ((s[0] - first).abs().max((s[1] - second).abs()), face))
-            .filter(|&(unlike, _)| unlike <= ALIKE)
+    fn to(&self, &edges: &[f64; 3]) -> impl Iterator<Item = (f64, u32)> + '_ {
+        let wanted = shape(edges);
+        let is_triangle = wanted.iter().all(|ratio| ratio.is_finite());
+        let middle = if is_triangle {
+            cell(wanted) as usize
+        } else {
+            CELLS + 1
+        };
+        let rows = [middle - CELLS, middle, middle + CELLS].into_iter();
+        let near = rows.flat_map(|row| [row - 1, row, row + 1]);
+        near.flat_map(|cell| self.cells.row(cell))
+            .filter_map(move |&face| {
+                let [a, b] = self.shapes[face as usize];
+                let unlike = (a - wanted[0]).abs().max((b - wanted[1]).abs());
+                (unlike <= ALIKE).then_some((unlike, face))
+            })
     }
+}
+
+/// The middle and the shortest of three edges over the longest.
+fn shape([short, middle, long]: [f64; 3]) -> [f64; 2] {
+    [middle / long, short / long]
+}
+
+/// Cell of a shape, whose ratios are in [0, 1].
+fn cell(shape: [f64; 2]) -> u32 {
+    let [a, b] = shape.map(|ratio| (ratio / ALIKE) as usize + 1);
+    (a * CELLS + b) as u32
 }
 
 /// Lengths of a face's edges in ascending order.

@@ -74,6 +74,9 @@ pub(crate) fn copied(
     given: &[u32],
     check: Check<'_>,
 ) -> Result<Option<Vec<SurfacePoint>>> {
+    if target.faces.len() > source.faces.len() {
+        return Ok(None);
+    }
     let images: Vec<Point> = points.iter().map(|p| at(source, p)).collect();
     let mirrored = is_mirrored(source, target, points, &images);
     let [from, to] = [source, target].map(|mesh| Triangles {
