@@ -30,9 +30,9 @@ def wearer(source, targets):
 
 
 def body_of(body):
-    """The largest mesh of a character that is not worn."""
+    """The mesh of a character that most bones move and that is not worn, of several the largest."""
     wearing = [obj for obj in body.pieces if obj not in worn(body)] or body.pieces
-    return max(wearing, key=lambda obj: character.extent([obj]))
+    return max(wearing, key=lambda obj: (len(character.groups_used(obj)), character.extent([obj])))
 
 
 def others(body):
@@ -57,14 +57,15 @@ def _is_worn(obj, body, found):
 
 def _lying_over(pieces):
     """Session ids of the larger pieces that lie over others, at rest."""
-    trees, points = _surfaces(pieces)
+    trees, points, normals = _surfaces(pieces)
     corners = np.concatenate(points)
     size = np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))
     share = np.zeros((len(pieces), len(pieces)))
-    for number, own in enumerate(points):
-        asked = own[:: max(1, len(own) // PROBES)].tolist()
-        for place in asked:
-            other = _below(place, trees, number, UNDER * size)
+    for number, (own, facing) in enumerate(zip(points, normals, strict=True)):
+        every = slice(None, None, max(1, len(own) // PROBES))
+        asked = list(zip(own[every].tolist(), facing[every].tolist(), strict=True))
+        for probe in asked:
+            other = _below(*probe, trees, number, UNDER * size)
             if other is not None:
                 share[number, other] += 1.0 / len(asked)
     # Of two that lie in one another, as thick cloth and skin may, the one that does so more.
@@ -79,27 +80,34 @@ def _lying_over(pieces):
 
 
 def _surfaces(pieces):
-    """A search tree of each piece, and its vertices, in the space of the first."""
-    trees, points = [], []
+    """A search tree of each piece, its vertices and their normals, in the space of the first."""
+    trees, points, normals = [], [], []
     for obj, matrix in zip(pieces, character.placed(pieces), strict=True):
         local = mesh_read.positions(obj.data).astype(np.float64)
         points.append(local @ matrix[:3, :3].T + matrix[:3, 3])
+        facing = np.empty(3 * len(local), np.float32)
+        obj.data.vertex_normals.foreach_get("vector", facing)
+        normals.append(facing.reshape(-1, 3) @ np.linalg.inv(matrix[:3, :3]))
         triangles = mesh_read.triangle_vertices(obj.data)
         if np.linalg.det(matrix[:3, :3]) < 0.0:
             triangles = triangles[:, ::-1]
         trees.append(BVHTree.FromPolygons(points[-1].tolist(), triangles.tolist(), all_triangles=True))
-    return trees, points
+    return trees, points, normals
 
 
-def _below(place, trees, own, reach):
-    """Which other surface is nearest to a place, up to a distance, if the place is on its outer side."""
+def _below(place, facing, trees, own, reach):
+    """Which other surface is nearest to a place, up to a distance, if the place is on its outer side.
+
+    It has to face as the place does: skin lies over the lining of a skirt, which faces it.
+    """
     hits = [(tree.find_nearest(place, reach), other) for other, tree in enumerate(trees) if other != own]
     near = [(hit[3], other, hit) for hit, other in hits if hit[0] is not None]
     if not near:
         return None
     _, other, (at, normal, _, _) = min(near, key=lambda each: each[:2])
     height = sum(n * (p - q) for n, p, q in zip(normal, place, at, strict=True))
-    return other if height > 0.0 else None
+    agreement = sum(n * m for n, m in zip(normal, facing, strict=True))
+    return other if height > 0.0 and agreement > 0.0 else None
 
 
 def _shares_bones(obj, under):

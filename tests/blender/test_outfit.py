@@ -12,7 +12,7 @@ from conftest import choose, new_object, turned
 from mathutils import Matrix
 from test_transfer import store_map, weights_of
 
-from addon import command_line, mesh_read, notice
+from addon import character, command_line, mesh_read, notice
 from addon.mesh_write import write_attribute
 from addon.outfit import live, wardrobe
 
@@ -98,8 +98,6 @@ def test_a_shirt_sits_on_a_copy_as_it_did_and_moves_with_its_rig(dressed):
 
 
 def wardrobe_of(made):
-    from addon import character
-
     return character.of(made.body)
 
 
@@ -324,6 +322,22 @@ def test_what_is_worn_lies_over_what_the_same_bones_move(scene):
     assert wardrobe.body_of(body) == made.body
     glove.hide_viewport = True
     assert [obj.name for obj in wardrobe.worn(wardrobe_of(made))] == ["Source Shirt"]
+
+
+def test_skin_does_not_lie_over_the_lining_around_it(scene):
+    points, faces = figures.lumpy(6)
+    rig = bpy.data.objects.new("Rig", bpy.data.armatures.new("Rig"))
+    scene.collection.objects.link(rig)
+    # A body that ends at its waist, in a sack of a sheet that faces outward and a lining that faces inward.
+    low = [face for face in faces if points[list(face), 2].mean() < 0.5 * points[:, 2].max()]
+    used = np.unique(np.concatenate(low))
+    body = new_object("Body", points[used], [np.searchsorted(used, face).tolist() for face in low])
+    lining = [[corner + len(points) for corner in face[::-1]] for face in faces]
+    sack = new_object("Sack", np.concatenate([1.12 * points, 1.06 * points]), [*faces, *lining])
+    for obj in (body, sack):
+        obj.parent = rig
+    bpy.context.view_layer.update()
+    assert wardrobe.worn(character.of(body)) == [sack]
 
 
 def test_what_cannot_be_fitted_is_said_and_changes_nothing(dressed):
