@@ -8,7 +8,8 @@ from bpy.types import Operator
 from .. import core, pair
 from ..mesh_read import UnusableObjectError
 from ..outfit import fitting, live, reading, wardrobe, writing
-from .match import JobOperator
+from . import show
+from .running import JobOperator
 from .step import Step, needs_matched
 
 
@@ -98,6 +99,7 @@ class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
         found = pair.resolve(context)
         wearer = wearer_of(found)
         self._wearer = wearer.name
+        self._dressed = [piece for target in found.targets for piece in target.whole]
         garments = garments_of(wearer, self.garments)
         options = options_of(context.scene.spectral_match)
         return (yield from begin_fitting(context, wearer, garments, found.targets, options))
@@ -110,6 +112,7 @@ class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
         if not made:
             return self.fail(" ".join(trouble))
         self.warn(trouble)
+        show.show_after_fit(context, self._dressed)
         words = summary(made)
         context.scene.spectral_match.outfit_inside = words.partition(": ")[2]
         self.report({"INFO"}, words)

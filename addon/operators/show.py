@@ -151,6 +151,14 @@ def show_after_transfer(context, targets, brought):
             space.shading.color_type = seen
 
 
+def show_after_fit(context, pieces):
+    """Let the viewport show characters as they are, their matched pieces among these."""
+    targets = [
+        obj for obj in pieces if character.is_there(obj) and obj.data.spectral_match.target_fingerprint
+    ]
+    show_nothing(context, _sources(targets), targets)
+
+
 def _sources(targets):
     """The meshes that these were matched with, as far as they are there; each once."""
     found = dict.fromkeys(obj for target in targets for obj, _, _ in stored_match.sources_of(target))

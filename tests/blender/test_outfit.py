@@ -14,6 +14,7 @@ from test_transfer import store_map, weights_of
 
 from addon import character, command_line, mesh_read, notice
 from addon.mesh_write import write_attribute
+from addon.operators import show
 from addon.outfit import live, wardrobe
 
 # Frames keep a thousandth of their ridge, over a body that is four high.
@@ -247,6 +248,14 @@ def test_originals_stay_and_a_second_press_fits_again(dressed):
     for obj in (*source.pieces, target.body):
         assert (places(obj).tolist(), weights_of(obj)) == before[obj.name]
         assert obj.vertex_groups.keys() == groups[obj.name]
+
+
+def test_characters_are_shown_as_they_are_once_dressed(dressed, monkeypatch):
+    source, target = dressed
+    asked = []
+    monkeypatch.setattr(show, "show_nothing", lambda _context, *objects: asked.append(objects))
+    fit()
+    assert asked == [([source.body], [target.body])]
 
 
 def test_undo_takes_an_outfit_back(dressed):
