@@ -16,6 +16,7 @@ PAGES = {
     "result": ("show", "lines", "morph", "follow_pointer"),
     "fix": ("alternative", "swap_sides", "pick_landmarks", "remove_landmark", "go_to_landmark"),
     "transfer": ("transfer", "toggle_item", "choose_items"),
+    "outfit": ("fit_outfit", "toggle_worn"),
     "batch": ("batch",),
     "preferences": ("clear_cache",),
 }

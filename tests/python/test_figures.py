@@ -198,7 +198,7 @@ def test_a_ground_does_not_make_a_figure(slender):
     shape = sgmds.Shape(*joined(body, ground))
     assert not shape.figure.envelope and shape.report["dropped_components"] == 1
     alone, grounded = sgmds.match(body, body), sgmds.match(body, shape)
-    np.testing.assert_array_equal(grounded.faces[: len(body[0])], alone.faces)
+    np.testing.assert_array_equal(grounded.vertices[: len(body[0])], alone.vertices)
 
 
 def test_what_turns_onto_itself_is_said_and_never_green():

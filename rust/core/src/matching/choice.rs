@@ -74,11 +74,12 @@ pub(super) fn whole_or_part(
     } else {
         None
     };
-    let (first, is_enough) = match standing {
-        Some(map) => standing::beside(pair.source, map, narrow),
-        None => (narrow, false),
+    let (first, is_enough) = match standing.clone() {
+        Some(map) => standing::beside(pair.source, map, narrow.clone()),
+        None => (narrow.clone(), false),
     };
-    if is_enough {
+    // What may be graded as good is looked for in other ways as well.
+    if is_enough && quality::doubtful(&first[0].metrics) {
         let within = |f: f64| report("selection", 0.1 + 0.5 * f);
         return with_part_of_given_lengths(pair, part, first, progress, &within);
     }
@@ -90,7 +91,14 @@ pub(super) fn whole_or_part(
     } else {
         found_or_none(usual)?
     };
-    let mut best = ranking::merged(pair.source, first, usual);
+    let mut best = ranking::merged(pair.source, narrow, usual);
+    if let Some(map) = standing {
+        best = standing::beside(pair.source, map, best).0;
+    }
+    if is_enough {
+        let within = |f: f64| report("selection", 0.25 + 0.35 * f);
+        return with_part_of_given_lengths(pair, part, best, progress, &within);
+    }
     let offsets = mirror_offsets(pair, &best[0].metrics, progress)?;
     let mut guided = pair;
     let symmetric = &Pair {

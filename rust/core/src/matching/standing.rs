@@ -238,16 +238,17 @@ pub fn hypothesis(pair: &Pair<'_>, progress: &Progress) -> Result<Option<Hypothe
 
 /// The map between figures as they stand and those of a search, best first, and whether nothing else need be searched for: where
 /// it agrees with the best of the search, of which the worse is left out, costs least, or is the only one that shows that they
-/// look alike.
+/// look alike. What the search found of mirrored maps holds for it too.
 #[must_use]
 pub fn beside(
     source: &Shape,
-    map: Hypothesis,
+    mut map: Hypothesis,
     mut searched: Vec<Hypothesis>,
 ) -> (Vec<Hypothesis>, bool) {
     let Some(best) = searched.first() else {
         return (vec![map], true);
     };
+    map.metrics.mirrored_gain = best.metrics.mirrored_gain;
     let costs_less = map.metrics.cost() < best.metrics.cost();
     if source.mean_spectral_distance(map.judged_images(), best.judged_images()) <= AGREE {
         if costs_less {
