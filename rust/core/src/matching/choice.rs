@@ -92,8 +92,9 @@ pub(super) fn whole_or_part(
         found_or_none(usual)?
     };
     let mut best = ranking::merged(pair.source, narrow, usual);
+    let mut is_enough = false;
     if let Some(map) = standing {
-        best = standing::beside(pair.source, map, best).0;
+        (best, is_enough) = standing::beside(pair.source, map, best);
     }
     if is_enough {
         let within = |f: f64| report("selection", 0.25 + 0.35 * f);

@@ -238,7 +238,8 @@ pub fn hypothesis(pair: &Pair<'_>, progress: &Progress) -> Result<Option<Hypothe
 
 /// The map between figures as they stand and those of a search, best first, and whether nothing else need be searched for: where
 /// it agrees with the best of the search, of which the worse is left out, costs least, or is the only one that shows that they
-/// look alike. What the search found of mirrored maps holds for it too.
+/// look alike. Where it shows less of that than the best of the search it is left out. What the search found of mirrored maps
+/// holds for it too.
 #[must_use]
 pub fn beside(
     source: &Shape,
@@ -255,6 +256,9 @@ pub fn beside(
             searched[0] = map;
         }
         return (searched, true);
+    }
+    if map.metrics.agreement < best.metrics.agreement {
+        return (searched, false);
     }
     if !costs_less && looks_better(&map.metrics, &best.metrics) {
         return (vec![map], true);
