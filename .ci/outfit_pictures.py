@@ -3,7 +3,6 @@
 .venv/bin/python .ci/outfit_pictures.py [--only NAME] [--output FOLDER] [--samples N]
 """
 
-import argparse
 import sys
 from pathlib import Path
 
@@ -15,10 +14,17 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT), str(ROOT / "docs" / "gallery"), str(ROOT / ".ci")]
 
 from sgmds import characters  # noqa: E402
-from stage import reduce  # noqa: E402
-from transfer_pictures import add_groups, add_rig, coloured, material, new_object, pose, stage  # noqa: E402
-
-import addon  # noqa: E402
+from transfer_pictures import (  # noqa: E402
+    add_groups,
+    add_rig,
+    coloured,
+    draw_each,
+    material,
+    new_object,
+    pose,
+    rendered,
+    stage,
+)
 
 STEP = 1.95
 SIZE = 960, 340
@@ -161,32 +167,8 @@ def draw(name, output, samples):
     scene.camera.rotation_euler = (
         (Vector((0, 0, 1.1)) - scene.camera.location).to_track_quat("-Z", "Y").to_euler()
     )
-    scene.cycles.samples = samples
-    scene.cycles.max_bounces = 2
-    # Some builds of Blender have no denoiser; the module comes with bpy.
-    import _cycles
-
-    scene.cycles.use_denoising = _cycles.with_openimagedenoise
-    path = output / f"outfit_{name}.png"
-    scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
-    reduce(path)
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--only", choices=sorted(SCENES))
-    parser.add_argument("--output", type=Path, default=ROOT / "docs")
-    parser.add_argument("--samples", type=int, default=32)
-    given = parser.parse_args()
-    addon.register()
-    try:
-        for name in [given.only] if given.only else SCENES:
-            draw(name, given.output, given.samples)
-    finally:
-        # With its properties still declared, bpy crashes when the interpreter ends.
-        addon.unregister()
+    rendered(output / f"outfit_{name}.png", samples)
 
 
 if __name__ == "__main__":
-    main()
+    draw_each(__doc__, SCENES, draw)

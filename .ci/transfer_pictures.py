@@ -346,6 +346,36 @@ def stage():
         setattr(scene.render, stamp, False)
 
 
+def rendered(path, samples):
+    """The scene as a picture."""
+    scene = bpy.context.scene
+    scene.cycles.samples = samples
+    scene.cycles.max_bounces = 2
+    # Some builds of Blender have no denoiser; the module comes with bpy.
+    import _cycles
+
+    scene.cycles.use_denoising = _cycles.with_openimagedenoise
+    scene.render.filepath = str(path)
+    bpy.ops.render.render(write_still=True)
+    reduce(path)
+
+
+def draw_each(describe, scenes, draw):
+    """Draw the scenes that the command line asks for, the extension being registered meanwhile."""
+    parser = argparse.ArgumentParser(description=describe, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("--only", choices=sorted(scenes))
+    parser.add_argument("--output", type=Path, default=ROOT / "docs")
+    parser.add_argument("--samples", type=int, default=32)
+    given = parser.parse_args()
+    addon.register()
+    try:
+        for name in [given.only] if given.only else scenes:
+            draw(name, given.output, given.samples)
+    finally:
+        # With its properties still declared, bpy crashes when the interpreter ends.
+        addon.unregister()
+
+
 def draw(name, output, samples):
     stage()
     given = characters.make("biped", "slender", "rest", resolution=4000, seed=2)
@@ -367,33 +397,8 @@ def draw(name, output, samples):
         for obj in (source, target):
             obj.data.materials.clear()
             obj.data.materials.append(shown)
-    scene = bpy.context.scene
-    scene.cycles.samples = samples
-    scene.cycles.max_bounces = 2
-    # Some builds of Blender have no denoiser; the module comes with bpy.
-    import _cycles
-
-    scene.cycles.use_denoising = _cycles.with_openimagedenoise
-    path = output / f"transfer_{name}.png"
-    scene.render.filepath = str(path)
-    bpy.ops.render.render(write_still=True)
-    reduce(path)
-
-
-def main():
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("--only", choices=sorted(SCENES))
-    parser.add_argument("--output", type=Path, default=ROOT / "docs")
-    parser.add_argument("--samples", type=int, default=32)
-    given = parser.parse_args()
-    addon.register()
-    try:
-        for name in [given.only] if given.only else SCENES:
-            draw(name, given.output, given.samples)
-    finally:
-        # With its properties still declared, bpy crashes when the interpreter ends.
-        addon.unregister()
+    rendered(output / f"transfer_{name}.png", samples)
 
 
 if __name__ == "__main__":
-    main()
+    draw_each(__doc__, SCENES, draw)
