@@ -5,10 +5,16 @@ import bpy
 
 GROUP = MODIFIER = "Spectral Match Morph"
 # Inputs of the group, made in this order, by their identifiers, which stay when somebody renames them.
-FACTOR, SOURCE, IN_PLACE = "Socket_1", "Socket_2", "Socket_3"
+FACTOR, SOURCE, IN_PLACE, WIPE = "Socket_1", "Socket_2", "Socket_3", "Socket_4"
 
 # So that the first press shows something: the target as the source's surface.
 AT_FIRST = 1.0
+# Attributes of a target that is morphed: the source's surface laid over the target, and how far along the
+# body each vertex is, from 0 to 1.
+FITTED, ALONG = "match_in_place", "match_wipe"
+# The share of the body in which a wipe goes over from one surface to the other: wide enough that faces are
+# not torn, narrow enough to be an edge.
+WIPE_EDGE = 0.05
 
 
 def modifier_of(obj):
@@ -24,7 +30,7 @@ def is_whole(modifier):
     inputs = {
         item.identifier for item in modifier.node_group.interface.items_tree if item.item_type == "SOCKET"
     }
-    return {FACTOR, SOURCE, IN_PLACE} <= inputs
+    return {FACTOR, SOURCE, IN_PLACE, WIPE} <= inputs
 
 
 def place_of(modifier, identifier):
@@ -55,13 +61,13 @@ def factor_of(obj):
 
 
 def add(target):
+    """Give a target the modifier; `laid_over.write` gives it the attributes."""
     modifier = target.modifiers.new(MODIFIER, "NODES")
     modifier.node_group = bpy.data.node_groups.get(GROUP)
     if not is_whole(modifier):
         modifier.node_group = make_group()
     set_value(modifier, SOURCE, target.spectral_match_source)
     set_value(modifier, FACTOR, AT_FIRST)
-    return modifier
 
 
 def remove(target):
@@ -70,16 +76,19 @@ def remove(target):
         return
     group = modifier.node_group
     target.modifiers.remove(modifier)
+    for name in (FITTED, ALONG):
+        if name in target.data.attributes:
+            target.data.attributes.remove(target.data.attributes[name])
     if group is not None and group.users == 0:
         bpy.data.node_groups.remove(group)
 
 
 def make_group():
-    """Position = mix(position, match_position, factor), `match_position` seen from the target's own space.
+    """Position = mix(position, there, factor).
 
-    With In Place only its direction from the source's origin is, so that the target takes the source's shape,
-    turned and scaled as that is, about its own origin.
-    Vertices without a match, as of a mesh joined to the target later, stay.
+    `there` is `match_position` seen from the target's own space, or, In Place and in a Wipe, `FITTED`. In a
+    Wipe the factor of a vertex is how far the edge, which runs from one end of the body to the other, is past
+    it. Vertices without a match, as of a mesh joined to the target later, stay.
     """
     group = bpy.data.node_groups.new(GROUP, "GeometryNodeTree")
     group.is_modifier = True
@@ -90,13 +99,15 @@ def make_group():
         ("Factor", "NodeSocketFloat"),
         ("Source", "NodeSocketObject"),
         ("In Place", "NodeSocketBool"),
+        ("Wipe", "NodeSocketBool"),
     ):
         inputs[name] = group.interface.new_socket(name, in_out="INPUT", socket_type=kind)
     group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
     factor = inputs["Factor"]
     factor.subtype, factor.min_value, factor.max_value, factor.default_value = "FACTOR", 0.0, 1.0, 0.0
     factor.description = "0 is the target's own shape, 1 the source's"
-    inputs["In Place"].description = "Keep the target where it stands instead of moving it onto the source"
+    inputs["In Place"].description = "Lay the source's shape over the target instead of moving it there"
+    inputs["Wipe"].description = "Go over to the source's shape from one end of the body to the other"
 
     nodes, links = group.nodes, group.links
 
@@ -107,32 +118,54 @@ def make_group():
             setattr(made, name, value)
         return made
 
-    incoming = node("NodeGroupInput", (-800, 0))
-    outgoing = node("NodeGroupOutput", (600, 0))
-    image = node("GeometryNodeInputNamedAttribute", (-800, -250), data_type="FLOAT_VECTOR")
-    image.inputs["Name"].default_value = "match_position"
-    there = node("GeometryNodeObjectInfo", (-560, -420), transform_space="RELATIVE")
-    moved = node("FunctionNodeTransformPoint", (-320, -300))
-    turned = node("FunctionNodeTransformDirection", (-320, -460))
-    chosen = node("GeometryNodeSwitch", (-100, -200), input_type="VECTOR")
-    own = node("GeometryNodeInputPosition", (-100, -80))
-    mixed = node("ShaderNodeMix", (140, -120), data_type="VECTOR")
-    placed = node("GeometryNodeSetPosition", (380, 0))
+    def named(name, data_type, place):
+        made = node("GeometryNodeInputNamedAttribute", place, data_type=data_type)
+        made.inputs["Name"].default_value = name
+        return made
+
+    def enabled(sockets, kind):
+        return [socket for socket in sockets if socket.enabled and socket.type == kind]
+
+    incoming = node("NodeGroupInput", (-900, 0))
+    outgoing = node("NodeGroupOutput", (700, 0))
+    image = named("match_position", "FLOAT_VECTOR", (-900, -250))
+    fitted = named(FITTED, "FLOAT_VECTOR", (-660, -640))
+    along = named(ALONG, "FLOAT", (-660, 240))
+    there = node("GeometryNodeObjectInfo", (-660, -420), transform_space="RELATIVE")
+    moved = node("FunctionNodeTransformPoint", (-420, -300))
+    over = node("FunctionNodeBooleanMath", (-420, -80), operation="OR")
+    chosen = node("GeometryNodeSwitch", (-180, -200), input_type="VECTOR")
+    # The edge starts before the body and ends behind it.
+    edge = node("ShaderNodeMath", (-660, 420), operation="MULTIPLY")
+    edge.inputs[1].default_value = 1.0 + WIPE_EDGE
+    past = node("ShaderNodeMath", (-420, 340), operation="SUBTRACT")
+    wiped = node("ShaderNodeMath", (-180, 340), operation="DIVIDE", use_clamp=True)
+    wiped.inputs[1].default_value = WIPE_EDGE
+    share = node("GeometryNodeSwitch", (60, 240), input_type="FLOAT")
+    own = node("GeometryNodeInputPosition", (60, 40))
+    mixed = node("ShaderNodeMix", (280, -60), data_type="VECTOR")
+    placed = node("GeometryNodeSetPosition", (500, 0))
 
     links.new(incoming.outputs["Source"], there.inputs["Object"])
-    links.new(image.outputs["Attribute"], moved.inputs["Vector"])
+    links.new(enabled(image.outputs, "VECTOR")[0], moved.inputs["Vector"])
     links.new(there.outputs["Transform"], moved.inputs["Transform"])
-    links.new(incoming.outputs["In Place"], chosen.inputs["Switch"])
+    links.new(incoming.outputs["In Place"], over.inputs[0])
+    links.new(incoming.outputs["Wipe"], over.inputs[1])
+    links.new(over.outputs["Boolean"], chosen.inputs["Switch"])
     links.new(moved.outputs["Vector"], chosen.inputs["False"])
-    links.new(image.outputs["Attribute"], turned.inputs["Direction"])
-    links.new(there.outputs["Transform"], turned.inputs["Transform"])
-    links.new(turned.outputs["Direction"], chosen.inputs["True"])
-    vectors = [socket for socket in mixed.inputs if socket.type == "VECTOR" and socket.enabled]
-    links.new(incoming.outputs["Factor"], next(s for s in mixed.inputs if s.enabled and s.name == "Factor"))
-    links.new(own.outputs["Position"], vectors[-2])
-    links.new(chosen.outputs["Output"], vectors[-1])
+    links.new(enabled(fitted.outputs, "VECTOR")[0], chosen.inputs["True"])
+    links.new(incoming.outputs["Factor"], edge.inputs[0])
+    links.new(edge.outputs["Value"], past.inputs[0])
+    links.new(enabled(along.outputs, "VALUE")[0], past.inputs[1])
+    links.new(past.outputs["Value"], wiped.inputs[0])
+    links.new(incoming.outputs["Wipe"], share.inputs["Switch"])
+    links.new(incoming.outputs["Factor"], share.inputs["False"])
+    links.new(wiped.outputs["Value"], share.inputs["True"])
+    links.new(share.outputs["Output"], next(s for s in mixed.inputs if s.enabled and s.name == "Factor"))
+    links.new(own.outputs["Position"], enabled(mixed.inputs, "VECTOR")[0])
+    links.new(chosen.outputs["Output"], enabled(mixed.inputs, "VECTOR")[1])
     links.new(incoming.outputs["Geometry"], placed.inputs["Geometry"])
     links.new(image.outputs["Exists"], placed.inputs["Selection"])
-    links.new(next(s for s in mixed.outputs if s.enabled), placed.inputs["Position"])
+    links.new(enabled(mixed.outputs, "VECTOR")[0], placed.inputs["Position"])
     links.new(placed.outputs["Geometry"], outgoing.inputs["Geometry"])
     return group

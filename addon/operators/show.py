@@ -9,6 +9,7 @@ from bpy.types import Operator
 
 from .. import (
     character,
+    laid_over,
     mesh_read,
     mesh_write,
     morph,
@@ -255,14 +256,18 @@ class SPECTRAL_MATCH_OT_morph(Step, Operator):
 
     def act(self, context):
         matched = pair.matched_pieces(context)
-        add = not any(morph.modifier_of(target) for target in matched)
-        for target in matched:
-            if add:
+        with mesh_write.object_mode(context, matched):
+            if any(morph.modifier_of(target) for target in matched):
+                for target in matched:
+                    morph.remove(target)
+                return {"FINISHED"}
+            for target in matched:
                 stored_match.require(target, pair.resolve(context).source)
                 mesh_read.check_usable(target, as_target=True)
+            for together in stored_match.matched_together(matched):
+                laid_over.write(together)
+            for target in matched:
                 morph.add(target)
-            else:
-                morph.remove(target)
         return {"FINISHED"}
 
 
