@@ -1,9 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bodies of which one half is modelled and a Mirror modifier adds the other."""
 
-from dataclasses import dataclass
+from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import Any
+
+import bpy
 import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.floating[Any]]
+Integers = NDArray[np.integer[Any]]
 
 # Vertices this near to their images, as a share of the body's size, lie on the mirror even if Merge is off.
 ON_MIRROR = 1e-6
@@ -19,35 +27,35 @@ class Mirror:
     within `merged_within` of their images become one with them. `modifier` is its name.
     """
 
-    to_mirror: np.ndarray
+    to_mirror: Floats
     axis: int
     merged_within: float
     modifier: str = ""
 
     @property
-    def reflection(self):
+    def reflection(self) -> Floats:
         """In the object's space, (4, 4)."""
         flip = np.eye(4)
         flip[self.axis, self.axis] = -1.0
         return np.linalg.inv(self.to_mirror) @ flip @ self.to_mirror
 
-    def sides(self, points):
+    def sides(self, points: Floats) -> Floats:
         """How far each point lies before the mirror, negative behind it, in the mirror's space: (n,)."""
         return points @ self.to_mirror[self.axis, :3] + self.to_mirror[self.axis, 3]
 
-    def reflected(self, points):
+    def reflected(self, points: Floats) -> Floats:
         reflection = self.reflection
         return points @ reflection[:3, :3].T + reflection[:3, 3]
 
-    def merged(self, points):
+    def merged(self, points: Floats) -> NDArray[np.bool_]:
         """Which points become one with their images, (n,)."""
         return np.linalg.norm(self.reflected(points) - points, axis=1) <= self.reach(points)
 
-    def reach(self, points):
+    def reach(self, points: Floats) -> float:
         """How far from its image a point of these may lie to become one with it."""
         return max(self.merged_within, ON_MIRROR * np.ptp(points, axis=0).max())
 
-    def completes(self, points):
+    def completes(self, points: Floats) -> bool:
         """Whether a body with these points is a half that is joined to its image."""
         merged = self.merged(points)
         before = self.sides(points[~merged]) > 0.0
@@ -64,19 +72,19 @@ class Body:
     `image` (m,) in which mirrors: bit k is set where the k-th one turned it around.
     """
 
-    points: np.ndarray
-    triangles: np.ndarray
-    face: np.ndarray
-    turned: np.ndarray
-    image: np.ndarray
+    points: Floats
+    triangles: Integers
+    face: Integers
+    turned: NDArray[np.bool_]
+    image: Integers
 
     @classmethod
-    def modelled(cls, points, triangles):
+    def modelled(cls, points: Floats, triangles: Integers) -> Body:
         """A body as it is modelled."""
         none = np.zeros(len(triangles), int)
         return cls(points, triangles, np.arange(len(triangles)), none > 0, none)
 
-    def completed(self, mirror):
+    def completed(self, mirror: Mirror) -> Body:
         """This body and its mirror image in one, joined where they meet."""
         count = len(self.points)
         merged = mirror.merged(self.points)
@@ -94,13 +102,13 @@ class Body:
             np.concatenate([before, before + (1 << int(self.image.max(initial=0)).bit_length())]),
         )
 
-    def as_modelled(self, faces, barycentric):
+    def as_modelled(self, faces: Integers, barycentric: Floats) -> tuple[Integers, Floats]:
         """Places in these triangles → the same in the modelled triangles that they show."""
         turned = self.turned[faces]
         return self.face[faces], np.where(turned[:, None], barycentric[:, ::-1], barycentric)
 
 
-def mirrors(obj, points):
+def mirrors(obj: bpy.types.Object, points: Floats) -> list[Mirror]:
     """The mirrors that complete an object with these points (n, 3), in Blender's order.
 
     One that cuts one side away completes nothing, since both are modelled, nor one whose image lies apart.
@@ -120,7 +128,7 @@ def mirrors(obj, points):
     return found
 
 
-def reflections(obj, images):
+def reflections(obj: bpy.types.Object, images: Integers) -> Floats:
     """What takes a place of the modelled half to each of these images, in the object's space: (n, 4, 4)."""
     made = np.tile(np.eye(4), (len(images), 1, 1))
     if images.any():
@@ -131,6 +139,6 @@ def reflections(obj, images):
     return made
 
 
-def mirror_objects(obj):
+def mirror_objects(obj: bpy.types.Object) -> list[bpy.types.Object]:
     """The objects about which its Mirror modifiers mirror."""
     return [m.mirror_object for m in obj.modifiers if m.type == "MIRROR" and m.mirror_object is not None]

@@ -2,13 +2,14 @@
 """The compiled core, imported at first use so that a broken one costs a message and not the add-on."""
 
 import importlib
+from types import ModuleType
 
 
 class CoreMissingError(Exception):
     """The core cannot be imported; the text says why and what to do."""
 
 
-def load():
+def load() -> ModuleType:
     """Return the `sgmds` module; raises `CoreMissingError` where it cannot be imported."""
     try:
         importlib.import_module("sgmds._core")
@@ -20,7 +21,7 @@ def load():
         ) from reason
 
 
-def explain(error):
+def explain(error: Exception) -> str:
     """Words for an exception out of a match: the core's own are for people, others name their kind."""
     if isinstance(error, CoreMissingError) or isinstance(error, load().SgmdsError):
         return str(error)

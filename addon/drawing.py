@@ -6,7 +6,7 @@ import re
 import blf
 
 from . import pair
-from .translation import said
+from .translation import spoken
 
 # Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
 PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 60, 10, 20
@@ -39,7 +39,7 @@ def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, be
     margin = PANEL_MARGIN + boxed * BOX_MARGIN + (icon != "NONE") * ICON_WIDTH + beside
     room = context.region.width - margin * scale
     blf.size(0, context.preferences.ui_styles[0].widget.points * scale)
-    text = said(text) if "{" not in text else text
+    text = spoken(text)
     column = layout.column(align=True)
     column.scale_y = 0.8
     column.active = not dim
@@ -55,6 +55,17 @@ def fold(layout, settings, opened, text):
     row.alignment = "LEFT"
     icon = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
     row.prop(settings, opened, text=text, icon=icon, emboss=False)
+
+
+def is_open(context):
+    """Whether a sidebar shows the tab."""
+    return any(
+        region.type == "UI" and region.width > 1 and region.active_panel_category == MatchTab.bl_category
+        for window in context.window_manager.windows
+        for area in window.screen.areas
+        if area.type == "VIEW_3D" and area.spaces.active.show_region_ui
+        for region in area.regions
+    )
 
 
 class MatchTab:

@@ -1,22 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Work that runs beside the window: plain arrays in, correspondences out, cancelled from any thread."""
 
+from __future__ import annotations
+
 import threading
 import time
 import warnings
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any
 
 from . import core, prepared
 from .mesh_read import matched_bodies
+from .translation import said
 
 # The core's stages in an artist's words; one that is not here is shown by its own name.
 STAGE_WORDS = {
-    "reading": "reading",
-    "operator": "looking at the surface",
-    "eigenpairs": "learning the shape",
-    "sampling": "choosing points",
-    "geodesics": "measuring distances",
-    "envelope": "closing the figure",
+    "reading": "Reading",
+    "operator": "Looking at the surface",
+    "eigenpairs": "Learning the shape",
+    "sampling": "Choosing points",
+    "geodesics": "Measuring distances",
+    "envelope": "Closing the figure",
     "landmarks": "Following landmarks",
     "search": "Searching maps",
     "selection": "Comparing maps",
@@ -47,8 +53,8 @@ class MatchOptions:
 class Matched:
     """One finished target: its surface, the map found, and the time it took."""
 
-    target: object
-    found: object
+    target: Any
+    found: Any
     seconds: float
 
 
@@ -56,7 +62,7 @@ class Matched:
 class Failed:
     """One target that could not be matched, and why."""
 
-    target: object
+    target: Any
     error: Exception
 
 
@@ -75,35 +81,42 @@ class Job:
     finished: bool = field(default=False, init=False)
     cancelled: bool = field(default=False, init=False)
     error: Exception | None = field(default=None, init=False)
-    notes: list = field(default_factory=list, init=False)
+    notes: list[str] = field(default_factory=list, init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self._stop = threading.Event()
-        self._thread = None
+        self._thread: threading.Thread | None = None
         self._begun = time.monotonic()
 
-    def start(self):
+    def start(self) -> None:
         self._thread = threading.Thread(target=self.run, name="spectral-match", daemon=True)
         self._thread.start()
 
-    def cancel(self):
+    def cancel(self) -> None:
         """Ask for the end; it comes with the core's next report of progress."""
         self._stop.set()
 
     @property
-    def cancelling(self):
+    def cancelling(self) -> bool:
         return self._stop.is_set() and not self.finished
 
     @property
-    def seconds(self):
+    def words(self) -> str:
+        """What is done now and how far it is, in the language of the interface."""
+        number, found, stage = self.stage.rpartition(": ")
+        done = said("Stopping") if self.cancelling else f"{said(stage)}  {self.fraction:.0%}"
+        return number + found + done
+
+    @property
+    def seconds(self) -> float:
         """Time since the job was made."""
         return time.monotonic() - self._begun
 
-    def wait(self, seconds=None):
+    def wait(self, seconds: float | None = None) -> None:
         if self._thread is not None:
             self._thread.join(seconds)
 
-    def run(self):
+    def run(self) -> None:
         """Do the work; never raises, because nobody is there to catch it: see `error`."""
         try:
             sgmds = core.load()
@@ -120,14 +133,18 @@ class Job:
         finally:
             self.finished = True
 
-    def _check_cancelled(self, sgmds):
+    def _work(self, sgmds: ModuleType) -> None:
+        """What is done; raises `sgmds.Cancelled` where it was asked to stop."""
+        raise NotImplementedError
+
+    def _check_cancelled(self, sgmds: ModuleType) -> None:
         if self._stop.is_set():
             raise sgmds.Cancelled("cancelled")
 
-    def _progress(self, words, first, share):
+    def _progress(self, words: str, first: float, share: float) -> Callable[[str, float], bool]:
         """A callback for the core whose own 0 to 1 becomes `first` to `first + share`."""
 
-        def report(stage, fraction):
+        def report(stage: str, fraction: float) -> bool:
             self.stage = words.format(STAGE_WORDS.get(stage, stage))
             self.fraction = first + share * min(max(fraction, 0.0), 1.0)
             return not self._stop.is_set()
@@ -142,14 +159,14 @@ class MatchJob(Job):
     `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex).
     """
 
-    source: object
-    targets: list
+    source: Any
+    targets: list[Any]
     options: MatchOptions
-    landmarks: dict = field(default_factory=dict)
-    results: list = field(default_factory=list, init=False)
-    failures: list = field(default_factory=list, init=False)
+    landmarks: Mapping[int, Iterable[tuple[int, int]]] = field(default_factory=dict)
+    results: list[Matched] = field(default_factory=list, init=False)
+    failures: list[Failed] = field(default_factory=list, init=False)
 
-    def _work(self, sgmds):
+    def _work(self, sgmds: ModuleType) -> None:
         for number, target in enumerate(self.targets):
             self._check_cancelled(sgmds)
             begun = time.monotonic()
@@ -163,20 +180,20 @@ class MatchJob(Job):
             else:
                 self.results.append(Matched(target, found, time.monotonic() - begun))
 
-    def _match(self, sgmds, number, target):
+    def _match(self, sgmds: ModuleType, number: int, target: Any) -> Any:
         many = len(self.targets)
-        label = f"{number + 1} of {many}: " if many > 1 else ""
+        label = f"{number + 1} / {many}: " if many > 1 else ""
 
-        def part(words, first, share):
+        def part(words: str, first: float, share: float) -> Callable[[str, float], bool]:
             return self._progress(label + words, (number + first) / many, share / many)
 
-        def shape(surface, body, first, sides=1.0):
+        def shape(surface: Any, body: Any, first: float, sides: float = 1.0) -> Any:
             vertices, triangles = surface.for_core(body)
             return prepared.shape(
                 vertices * (sides, 1.0, 1.0),
                 triangles,
                 self.options.storage,
-                progress=part(f"{surface.name}: {{}}", first, PREPARING_SHARE),
+                progress=part("{}", first, PREPARING_SHARE),
                 threads=threads,
             )
 
@@ -204,12 +221,12 @@ class MatchJob(Job):
 class AlternativeJob(Job):
     """Complete map `number` of a finished match, 0 the best: `found`. `maps` are its `SessionMaps`."""
 
-    maps: object
+    maps: Any
     number: int
     threads: int | None = None
-    found: object = field(default=None, init=False)
+    found: Any = field(default=None, init=False)
 
-    def _work(self, _sgmds):
+    def _work(self, _sgmds: ModuleType) -> None:
         best = self.maps.best
         self.found = best
         if self.number > 0:

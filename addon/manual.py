@@ -11,11 +11,18 @@ import bpy
 PAGES = {
     "match": (
         *("match", "cancel", "pin", "swap_roles", "toggle_piece", "reset_pieces"),
-        *("reset", "add_preset"),
+        *("reset", "add_preset", "show_object", "unit_scale"),
     ),
     "result": ("show", "lines", "morph", "follow_pointer"),
-    "fix": ("alternative", "swap_sides", "pick_landmarks", "remove_landmark", "go_to_landmark"),
-    "transfer": ("transfer", "toggle_item", "choose_items"),
+    "fix": (
+        "alternative",
+        "swap_sides",
+        "pick_landmarks",
+        "remove_landmark",
+        "remove_outdated",
+        "go_to_landmark",
+    ),
+    "transfer": ("transfer", "toggle_item", "choose_items", "unwrap"),
     "outfit": ("fit_outfit", "toggle_worn"),
     "batch": ("batch",),
     "preferences": ("clear_cache",),

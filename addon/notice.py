@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the last step said. The status bar forgets it; the panel shows it until the next step."""
 
+from collections.abc import Iterable
+
+import bpy
 from bpy.app.handlers import persistent
 
 # A failure or warnings, a line each.
@@ -10,12 +13,12 @@ done = ""
 transfer = 0
 
 
-def say(text):
+def say(text: str) -> None:
     global words
     words = text
 
 
-def finish(context, summary, notes):
+def finish(context: bpy.types.Context, summary: str, notes: Iterable[str]) -> None:
     """A transfer is done: what it brought and, in `notes`, what needs a look."""
     global done, transfer
     context.scene.spectral_match.transfers += 1
@@ -23,14 +26,14 @@ def finish(context, summary, notes):
     say("\n".join(notes))
 
 
-def clear():
+def clear() -> None:
     global done
     done = ""
     say("")
 
 
 @persistent
-def _forget_file(_path, _unused=None):
+def _forget_file(_path: str, _unused: object = None) -> None:
     clear()
 
 

@@ -9,7 +9,6 @@ from bpy.app.handlers import persistent
 
 from . import character, job
 from .character import Character, is_there
-from .translation import said
 
 HOLDERS = ("MESH", "ARMATURE", "EMPTY")
 # How long `shown` keeps what it found; handlers forget it earlier.
@@ -48,9 +47,7 @@ def resolve(context):
             "or select the meshes themselves",
         )
     if active is None or active.type not in HOLDERS:
-        return Pair(
-            None, [], said("Select the target, then Shift-click the source: any mesh of each will do")
-        )
+        return Pair(None, [], "Select the target, then Shift-click the source: any mesh of each will do")
     others = [obj for obj in context.view_layer.objects.selected if obj != active and obj.type in HOLDERS]
     source, *targets = _characters(settings, [active, *others])
     if source is None:
@@ -61,7 +58,7 @@ def resolve(context):
         held = [piece for piece in source.whole if has_match(piece)]
         if held:
             return _as_matched(settings, active if active in held else held[0])
-        return Pair(source, [], said("Add a target: select it first, then Shift-click '{}'", active.name))
+        return Pair(source, [], f"Add a target: select it first, then Shift-click '{active.name}'")
     return _of(source, targets)
 
 
@@ -170,5 +167,5 @@ def _absent(characters):
     """Words about a chosen object that no scene has."""
     for each in characters:
         if each is not None and not is_there(each.lead):
-            return f"'{each.lead.name}' is in no scene: it was deleted, or only an instance shows it. "
+            return f"'{each.lead.name}' is in no scene: it was deleted, or only an instance shows it\n"
     return ""

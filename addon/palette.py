@@ -1,7 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colours that show a map: one for every point, and a heat map for colour-blind eyes too."""
 
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.floating[Any]]
 
 # OKLab (Ottosson 2020): cone responses from lightness and opponent axes, and linear sRGB from cone responses.
 _CONES_FROM_LAB = np.array(
@@ -33,7 +38,7 @@ HEAT_STOPS = np.array(
 )
 
 
-def surface_colours(points):
+def surface_colours(points: Floats) -> Floats:
     """Smooth colouring of a surface, (n, 3) points to (n, 4) linear RGBA.
 
     The longest side of the bounding box runs through the hues, the second through lightness, the shortest
@@ -54,14 +59,14 @@ def surface_colours(points):
     return _opaque(np.clip(rgb, 0.0, 1.0))
 
 
-def heat_colours(confidence):
+def heat_colours(confidence: Floats) -> Floats:
     """Confidence in [0, 1] to linear RGBA: blue where the map is sure, yellow where it is not."""
     doubt = 1.0 - np.clip(np.nan_to_num(confidence), 0.0, 1.0)
     stops = np.linspace(0.0, 1.0, len(HEAT_STOPS))
     return _opaque(np.stack([np.interp(doubt, stops, HEAT_STOPS[:, c]) for c in range(3)], axis=1))
 
 
-def _opaque(rgb):
+def _opaque(rgb: Floats) -> Floats:
     return np.concatenate([rgb, np.ones((len(rgb), 1))], axis=1).astype(np.float32)
 
 
@@ -81,12 +86,12 @@ LANDMARK_ICONS = tuple(f"COLLECTION_COLOR_0{number}" for number in (2, 5, 4, 3, 
 SURE_LINE, DOUBTFUL_LINE = np.array([0.337, 0.706, 0.914]), np.array([1.0, 0.86, 0.2])
 
 
-def landmark_colour(number):
+def landmark_colour(number: int) -> tuple[float, float, float]:
     """Colour of a landmark, sRGB, again from the first after six."""
     return LANDMARK_COLOURS[number % len(LANDMARK_COLOURS)]
 
 
-def line_colours(confidence):
+def line_colours(confidence: Floats) -> Floats:
     """Confidence in [0, 1] to sRGB colours of lines, (n, 4)."""
     doubt = 1.0 - np.clip(np.nan_to_num(confidence), 0.0, 1.0)[:, None]
     return _opaque(SURE_LINE + (DOUBTFUL_LINE - SURE_LINE) * doubt)

@@ -6,7 +6,19 @@ from bl_ui.utils import PresetPanel
 from bpy.types import Panel, UIList
 
 from . import job as job_module
-from . import landmarks, manual, morph, notice, overlay, pair, palette, stored_match, transfer_panel, wording
+from . import (
+    landmarks,
+    manual,
+    morph,
+    notice,
+    overlay,
+    pair,
+    palette,
+    remedy,
+    stored_match,
+    transfer_panel,
+    wording,
+)
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_words, fold
 from .operators import pick, show
 from .operators.outfit import wearer_of
@@ -72,9 +84,12 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         self._draw_pair(layout, settings, found)
         job = job_module.current
         if job is None:
-            self._draw_button(layout, settings, found)
+            row = layout.row()
+            row.scale_y = BIG
+            row.operator("spectral_match.match", icon="MOD_DATA_TRANSFER")
         else:
-            self._draw_progress(context, layout, job)
+            self._draw_progress(layout, job)
+        self._draw_landmarks(layout, settings, found)
         if notice.words and not notice.done:
             box = layout.box()
             row = box.row()
@@ -82,8 +97,11 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             for line in notice.words.splitlines():
                 draw_words(context, words, line, "ERROR", boxed=True, beside=CROSS_WIDTH)
             row.operator("spectral_match.dismiss", text="", icon="X", emboss=False)
+            remedy.draw(box, notice.words)
         elif found.missing:
-            draw_words(context, layout.box(), found.missing, "INFO", boxed=True)
+            box = layout.box()
+            draw_words(context, box, found.missing, "INFO", boxed=True)
+            remedy.draw(box, found.missing)
 
     @staticmethod
     def _draw_pair(layout, settings, found):
@@ -123,15 +141,20 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             words = said("{} characters", len(bodies)) if many else said("{} meshes", len(bodies))
             split.label(text=words, icon="OUTLINER_OB_MESH", translate=False)
         elif bodies:
-            split.label(text=bodies[0].label, icon=icon_of(bodies[0]))
+            body, row = bodies[0], split.row()
+            row.label(text=body.name, icon=icon_of(body), translate=False)
+            if len(body.whole) > 1:
+                # Beside the name, which may be cut off for it.
+                count = row.row()
+                count.alignment = "RIGHT"
+                count.active = False
+                taken, many = len(body.pieces), len(body.whole)
+                count.label(text=f"({many})" if taken == many else f"({taken}/{many})")
         else:
             split.label(text="Nothing chosen")
 
     @staticmethod
-    def _draw_button(layout, settings, found):
-        row = layout.row()
-        row.scale_y = BIG
-        row.operator("spectral_match.match", icon="MOD_DATA_TRANSFER")
+    def _draw_landmarks(layout, settings, found):
         if found.missing:
             return
         count = sum(len(landmarks.of_pair(settings, found.source, target)) for target in found.targets)
@@ -142,23 +165,13 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             hint.label(text=words, icon="EMPTY_AXIS")
 
     @staticmethod
-    def _draw_progress(context, layout, job):
-        column = layout.column(align=True)
-        bar = column.row()
-        bar.scale_y = 1.2
-        bar.progress(factor=job.fraction, text=said("Stopping") if job.cancelling else f"{job.fraction:.0%}")
-        stage = column.row()
-        stage.active = False
-        stage.label(text=job.stage[:1].upper() + job.stage[1:])
-        time = stage.row()
-        time.alignment = "RIGHT"
-        time.label(text=f"{job.seconds:.0f} s")
-        if job.blocks:
-            draw_words(context, layout, "Esc stops it and changes nothing", dim=True)
-            return
-        row = layout.row()
+    def _draw_progress(layout, job):
+        # As high as the button that it stands for, so that what is below stays where it is.
+        row = layout.row(align=True)
         row.scale_y = BIG
-        row.operator("spectral_match.cancel", icon="X")
+        row.progress(factor=job.fraction, text=job.words)
+        if not job.blocks:
+            row.operator("spectral_match.cancel", text="", icon="X")
 
 
 class PiecesList(UIList):
@@ -273,6 +286,9 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
     def draw(self, context):
         layout = self.layout
         matched = pair.matched(context)
+        # Above all whose height depends on the map, so that the arrows stay under the pointer.
+        if len(matched) == 1:
+            self._draw_maps(layout, matched[0].lead.data.spectral_match)
         column = layout.column(align=True)
         source = pair.shown(context).source
         for target in matched:
@@ -284,11 +300,25 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         self._draw_show(context, layout, [piece for target in matched for piece in target.pieces])
 
     @staticmethod
+    def _draw_maps(layout, stored):
+        if stored.alternatives < 2:
+            return
+        row = layout.row(align=True)
+        row.operator("spectral_match.alternative", text="", icon="TRIA_LEFT").step = -1
+        word = said("Map {} of {}", stored.alternative + 1, stored.alternatives)
+        row.operator("spectral_match.alternative", text=word).step = 1
+        row.operator("spectral_match.alternative", text="", icon="TRIA_RIGHT").step = 1
+
+    @staticmethod
     def _draw_line(column, target, now):
         stored = target.lead.data.spectral_match
         row = column.row()
         row.alert = not now.usable or stored.grade == "red"
-        row.label(text=target.name, icon=GRADE_ICONS.get(stored.grade, "QUESTION") if now.usable else "ERROR")
+        row.label(
+            text=target.name,
+            translate=False,
+            icon=GRADE_ICONS.get(stored.grade, "QUESTION") if now.usable else "ERROR",
+        )
         if stored.swapped_sides:
             row.label(text="", icon="MOD_MIRROR")
         share = row.row()
@@ -300,9 +330,10 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         stored = target.lead.data.spectral_match
         box = layout.box().column()
         if named:
-            box.label(text=target.name, icon=icon_of(target))
+            box.label(text=target.name, icon=icon_of(target), translate=False)
         if not now.usable:
             draw_words(context, box, now.words, "ERROR", boxed=True)
+            remedy.draw(box, now.words)
             return
         head = box.row()
         head.alert = stored.grade == "red"
@@ -315,6 +346,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
             draw_words(context, box, reason, "DOT", boxed=True)
         if now.words:
             draw_words(context, box, now.words, "INFO", boxed=True)
+        remedy.draw(box, "\n".join([*reasons, now.words]))
         settings = context.scene.spectral_match
         fold(box, settings, "open_details", "Details")
         if settings.open_details:
@@ -347,7 +379,9 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
                     text = "Morph" if len(matched) == 1 else target.name
                     morphing.prop(*morph.place_of(found, morph.FACTOR), text=text, slider=True)
             if len(matched) == 1:
-                morphing.prop(*morph.place_of(modifier, morph.IN_PLACE), text="In Place")
+                ways = morphing.row(align=True)
+                for way, text in ((morph.IN_PLACE, "In Place"), (morph.WIPE, "Wipe")):
+                    ways.prop(*morph.place_of(modifier, way), text=text, toggle=True)
 
 
 class VIEW3D_UL_spectral_match_landmarks(UIList):
@@ -385,11 +419,6 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         advice = SWAP_BACK if stored.swapped_sides else ADVICE.get(stored.grade, ADVICE["amber"])
         draw_words(context, layout, advice, "INFO")
         column = layout.column(align=True)
-        row = column.row(align=True)
-        row.operator("spectral_match.alternative", text="", icon="TRIA_LEFT").step = -1
-        word = said("Map {} of {}", stored.alternative + 1, max(stored.alternatives, 1))
-        row.operator("spectral_match.alternative", text=word).step = 1
-        row.operator("spectral_match.alternative", text="", icon="TRIA_RIGHT").step = 1
         column.operator("spectral_match.swap_sides", icon="MOD_MIRROR", depress=stored.swapped_sides)
         part = layout.column()
         part.use_property_split = True
@@ -467,7 +496,7 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         row = box.row()
         icon = "DOWNARROW_HLT" if settings.open_outfit else "RIGHTARROW"
         row.prop(settings, "open_outfit", text="", icon=icon, emboss=False)
-        row.label(text=wearer.name, icon=icon_of(wearer))
+        row.label(text=wearer.name, icon=icon_of(wearer), translate=False)
         count = row.row()
         count.alignment = "RIGHT"
         count.active = False

@@ -3,7 +3,12 @@
 
 import threading
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from . import core
 
@@ -11,7 +16,7 @@ from . import core
 MOST_VERTICES = 120_000
 FEWEST_SHAPES = 2
 
-_kept: OrderedDict = OrderedDict()
+_kept: OrderedDict[str, Any] = OrderedDict()
 _lock = threading.Lock()
 
 
@@ -23,7 +28,14 @@ class Storage:
     limit: int
 
 
-def shape(vertices, triangles, storage, *, progress, threads):
+def shape(
+    vertices: NDArray[np.floating[Any]],
+    triangles: NDArray[np.integer[Any]],
+    storage: Storage | None,
+    *,
+    progress: Callable[[str, float], bool],
+    threads: int | None,
+) -> Any:
     """The prepared shape of these arrays: from memory, else from the folder if there is one, else made."""
     core.load()
     from sgmds import Shape, cache
@@ -42,12 +54,12 @@ def shape(vertices, triangles, storage, *, progress, threads):
     return made
 
 
-def forget():
+def forget() -> None:
     with _lock:
         _kept.clear()
 
 
-def clear(storage):
+def clear(storage: Storage) -> None:
     """Remove what the folder keeps."""
     core.load()
     from sgmds import cache

@@ -498,13 +498,15 @@ TOOLTIPS = (
     ),
     (
         "Put copies of what the source wears onto every matched target: fitted, rigged and moving with it",
-        "転送元が着ているもののコピーを、マッチしたすべての転送先に合わせ、リグを付けて一緒に動くようにします",
+        "転送元が着ているもののコピーを、マッチしたすべての転送先に合わせ、リグを付けて一緒に動くように"
+        "します",
         "将来源所穿物体的副本穿到每个已匹配目标上:已适配、已绑定并随之运动",
     ),
     (
         "Put what nobody sees of the target under the outfit into a vertex group, which a Mask "
         "modifier leaves out. Nothing is deleted",
-        "衣装の下で見えない転送先の面を頂点グループに入れ、マスクモディファイアーで隠します。何も削除しません",
+        "衣装の下で見えない転送先の面を頂点グループに入れ、マスクモディファイアーで隠します。何も削除し"
+        "ません",
         "将目标在服装下不可见的部分放入顶点组,由遮罩修改器隐藏。不会删除任何内容",
     ),
     (
@@ -517,4 +519,31 @@ TOOLTIPS = (
         "他のメッシュを覆っていれば着用とみなします(小さいものや非表示のものを除く)",
         "覆盖在其他网格之上即视为穿着,过小或隐藏的除外",
     ),
+    ("Set Shape to Original first", "先に形状を「オリジナル」にします", "先将形状设为“原始”"),
+    (
+        "Check Allow Mirrored Match first",
+        "先に「ミラーマッチを許可」をオンにします",
+        "先勾选“允许镜像匹配”",
+    ),
+    (
+        "Show this object in the viewport, with the collections that it is in",
+        "このオブジェクトを、入っているコレクションごとビューポートに表示します",
+        "在视图中显示此物体及其所在集合",
+    ),
+    (
+        "Give this object the scale 1 along each axis that is scaled to nothing",
+        "スケールが 0 の軸を 1 にします",
+        "将此物体缩放为 0 的各轴设为 1",
+    ),
+    (
+        "Give this mesh a UV map of its own, beside those it has, by Smart UV Project",
+        "スマートUV投影で、このメッシュに自身の UVマップを追加します",
+        "用智能 UV 投射为此网格添加自己的 UV 贴图",
+    ),
+    (
+        "Remove the landmarks of this pair whose mesh got other vertices since they were picked",
+        "指定後に頂点が変わったメッシュのランドマークを削除します",
+        "移除选取后网格顶点已更改的标志点",
+    ),
+    ("As large as the source's image", "転送元の画像と同じ大きさ", "与来源图像同样大小"),
 )

@@ -3,7 +3,7 @@
 
 from bpy.types import Panel
 
-from . import notice, pair, stored_match
+from . import notice, pair, remedy, stored_match
 from .character import is_there
 from .drawing import BIG, MatchedSubPanel, draw_words, fold
 from .operators.settings import SPECTRAL_MATCH_MT_presets
@@ -29,6 +29,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         elsewhere = [stored_match.matched_elsewhere(target, chosen) for target in matched]
         if all(elsewhere):
             draw_words(context, layout, elsewhere[0], "ERROR")
+            remedy.draw(layout, elsewhere[0])
             return
         row = layout.row()
         row.scale_y = BIG
@@ -59,6 +60,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
             fold(box, settings, "open_notes", many)
             for note in notes if settings.open_notes else ():
                 draw_words(context, box, note, "DOT", boxed=True)
+                remedy.draw(box, note)
 
 
 def draw_kinds(layout, settings, sources):
@@ -112,6 +114,8 @@ def _draw_items(column, settings, kind, names):
     wanted = settings.found(names)
     pages = -(-len(wanted) // MOST_ITEMS)
     page = min(settings.item_page, max(pages, 1))
+    if pages > 1:
+        column.prop(settings, "item_page", text=said("Page of {}", pages))
     for name in wanted[(page - 1) * MOST_ITEMS : page * MOST_ITEMS]:
         skipped = settings.skips(kind.identifier, name)
         line = column.row()
@@ -124,8 +128,6 @@ def _draw_items(column, settings, kind, names):
             emboss=False,
         )
         button.item = f"{kind.identifier}/{name}"
-    if pages > 1:
-        column.prop(settings, "item_page", text=said("Page of {}", pages))
     if not wanted:
         column.label(text="No name with these letters")
 

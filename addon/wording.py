@@ -2,6 +2,8 @@
 """A match in an artist's words: its grade, and what speaks for and against it."""
 
 import re
+from collections.abc import Iterable
+from typing import Any
 
 # How the core begins or ends a reason, and what the panel says of it; None is for Details alone.
 PLAIN = (
@@ -12,12 +14,18 @@ PLAIN = (
     ("the source looks like a part of the target", "The source looks like a part of the target"),
     ("mirror image of the other", "One looks like the other in a mirror: try Allow Mirrored Match"),
     ("this is an alternative", "Another map fits better: this is one to compare"),
-    ("other maps fit almost as well", "Another map fits nearly as well: compare the maps under Fix"),
+    ("other maps fit almost as well", "Another map fits nearly as well: compare the maps"),
     ("bumps and hollows do not agree", "Bumps and hollows differ: look whether the parts are the same"),
     ("left and right are hard to tell apart", "Left and right are hard to tell apart: look at Colors"),
     ("the surface turns in places", "Some places may be turned: look at Colors"),
     ("the shapes differ, or one is a part", "The shapes differ much, or one lacks parts of the other"),
     ("the bodies differ", "The bodies have different proportions"),
+    ("unconnected part", "Loose parts were left out of the search: look at Colors"),
+    ("is seen was placed beside", "Some parts have no match of their own: look at Confidence"),
+    ("too few to be sure", "A mesh is too coarse to be sure: look at Colors"),
+    ("looks the same when it is turned", "One looks the same when it is turned: add landmarks"),
+    ("not refined on what the part covers", "The part was matched with the whole alone: look at Colors"),
+    ("does not judge its map", "This method does not judge its map: look at Colors"),
     ("neighbours on the target", "Limbs may have grown together where they touch"),
 )
 # Reasons that are no doubts.
@@ -27,7 +35,7 @@ GRADES = {"green": "Good match", "amber": "Check this match", "red": "Poor match
 NEARLY_GOOD, SURE = "Mostly good match", 0.6
 
 
-def plain(reasons):
+def plain(reasons: Iterable[str]) -> list[str]:
     """The core's reasons in plain words, without figures of its own measures; each once."""
     found = []
     for reason in reasons:
@@ -37,7 +45,7 @@ def plain(reasons):
     return list(dict.fromkeys(found))
 
 
-def verdict(grade, reasons, confidence):
+def verdict(grade: str, reasons: Iterable[str], confidence: float) -> str:
     """The grade in words, which never calls good what leaves doubts."""
     doubts = set(plain(reasons)) - NO_DOUBT
     if grade == "green" and (doubts or confidence < SURE):
@@ -45,6 +53,6 @@ def verdict(grade, reasons, confidence):
     return GRADES.get(grade, grade)
 
 
-def of(stored):
+def of(stored: Any) -> str:
     """The verdict on a stored match."""
     return verdict(stored.grade, stored.reasons.splitlines(), stored.mean_confidence)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators, a file for each step of the workflow."""
 
-from . import carry, fix, match, outfit, partner, pick, pieces, settings, show
+from . import carry, fix, match, outfit, partner, pick, pieces, remedies, settings, show
 
 CLASSES = (
     *match.CLASSES,
@@ -12,5 +12,6 @@ CLASSES = (
     *carry.CLASSES,
     *outfit.CLASSES,
     *show.CLASSES,
+    *remedies.CLASSES,
     *settings.CLASSES,
 )

@@ -5,7 +5,7 @@ import bpy
 from bpy.props import IntProperty
 from bpy.types import Operator
 
-from .. import mesh_write, pair, preferences, stored_match, wording
+from .. import laid_over, mesh_write, pair, preferences, stored_match, wording
 from ..job import AlternativeJob
 from ..mesh_read import UnusableObjectError
 from .match import MatchOperator, find_unchanged
@@ -39,8 +39,9 @@ class SPECTRAL_MATCH_OT_swap_roles(Step, Operator):
             there = obj.name in context.view_layer.objects
             if not there or not obj.visible_get() or obj.hide_select:
                 raise UnusableObjectError(
-                    f"'{obj.name}' is {'hidden or not selectable' if there else 'not in this view layer'}. "
-                    "Pin both objects to choose them by name"
+                    f"'{obj.name}' is hidden or not selectable. Pin both objects to choose them by name"
+                    if there
+                    else f"'{obj.name}' is not in this view layer. Pin both objects to choose them by name"
                 )
         for obj in (source, target):
             obj.select_set(True)
@@ -108,17 +109,18 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
 
     def conclude(self, context, job):
         if job.cancelled:
-            self.report({"INFO"}, "Cancelled; the map is the same as before")
+            self.tell({"INFO"}, "Cancelled; the map is the same as before")
             return {"CANCELLED"}
         maps = job.maps
         sources, targets = find_unchanged(maps.source), find_unchanged(maps.target)
         with mesh_write.object_mode(context, [*sources, *targets]):
             mesh_write.write_match(sources, targets, maps.source, maps.target, job.found)
+            laid_over.refresh(targets)
         for target in targets:
             stored_match.forget_fingerprint(target.data)
             stored = target.data.spectral_match
             stored.alternative = job.number
-        self.report({"INFO"}, f"Map {job.number + 1} of {stored.alternatives}: {wording.of(stored)}")
+        self.tell({"INFO"}, f"Map {job.number + 1} of {stored.alternatives}: {wording.of(stored)}")
         return {"FINISHED"}
 
 

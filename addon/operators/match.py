@@ -11,6 +11,7 @@ from .. import (
     completion,
     core,
     figure,
+    laid_over,
     landmarks,
     mesh_read,
     mesh_write,
@@ -24,7 +25,7 @@ from .. import job as job_module
 from ..character import Character
 from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
-from ..transfer import Carried, checked
+from ..transfer import Carried, checked, others
 from ..translation import said
 from . import show
 from .carry import carry
@@ -98,6 +99,7 @@ def store(context, job):
             targets = find_unchanged(matched.target)
             with mesh_write.object_mode(context, [*sources, *targets]):
                 mesh_write.write_match(sources, targets, job.source, matched.target, matched.found)
+                laid_over.refresh(targets)
         except UnusableObjectError as reason:
             trouble.append(str(reason))
             continue
@@ -154,7 +156,7 @@ class MatchOperator(JobOperator):
 
     def conclude(self, context, job):
         if job.cancelled and not job.results:
-            self.report({"INFO"}, "Match cancelled; nothing was changed")
+            self.tell({"INFO"}, "Match cancelled; nothing was changed")
             return {"CANCELLED"}
         stored, trouble = store(context, job)
         trouble += job.notes
@@ -169,7 +171,7 @@ class MatchOperator(JobOperator):
                     trouble.append(str(reason))
             trouble += brought.notes
         if not stored:
-            return self.fail(" ".join(trouble))
+            return self.fail("\n".join(trouble))
         if brought.names:
             done = said("Done: {}", brought.summary())
             show.show_after_transfer(context, stored, brought)
@@ -177,24 +179,30 @@ class MatchOperator(JobOperator):
         else:
             show.show_after_match(context, stored)
             self.warn(trouble)
-        stopped = "Stopped. " if job.cancelled else ""
+        stopped = "Stopped.\n" if job.cancelled else ""
         leads, most = [pieces[0] for pieces in together], max(map(len, together))
-        self.report({"INFO"}, stopped + summary(leads, len(job.targets), self.then_transfer, most))
+        self.tell({"INFO"}, stopped + summary(leads, len(job.targets), self.then_transfer, most))
         return {"FINISHED"}
+
+
+# What was done to several targets, by whether data were transferred and whether they are characters.
+DONE = {
+    (False, False): "Matched {} of {} meshes",
+    (False, True): "Matched {} of {} characters",
+    (True, False): "Matched and transferred to {} of {} meshes",
+    (True, True): "Matched and transferred to {} of {} characters",
+}
 
 
 def summary(targets, wanted, transferred, pieces=1):
     """What was done to these targets, each told by one of its meshes; `pieces` is the most that one has."""
     if wanted > 1:
-        done = "Matched and transferred to" if transferred else "Matched"
-        return f"{done} {len(targets)} of {wanted} {'characters' if pieces > 1 else 'meshes'}"
+        return DONE[transferred, pieces > 1].format(len(targets), wanted)
     stored = targets[0].data.spectral_match
-    also = f" and {pieces - 1} more mesh{'es' if pieces > 2 else ''}" if pieces > 1 else ""
-    return (
-        f"Matched '{targets[0].name}'{also} in {stored.seconds:.1f} s, "
-        f"{stored.mean_confidence:.0%} sure: {wording.of(stored)}"
-        + (", left and right swapped" if stored.swapped_sides else "")
-    )
+    name, verdict = f"'{targets[0].name}'{others(pieces - 1)}", wording.of(stored)
+    if stored.swapped_sides:
+        verdict = f"{verdict}, left and right swapped"
+    return f"Matched {name} in {stored.seconds:.1f} s, {stored.mean_confidence:.0%} sure: {verdict}"
 
 
 class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
@@ -209,6 +217,20 @@ class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
         description="Look for the map that exchanges left and right",
         options={"SKIP_SAVE"},
     )
+    as_modelled: BoolProperty(
+        name="As Modelled", description="Set Shape to Original first", options={"SKIP_SAVE"}
+    )
+    mirrored: BoolProperty(
+        name="Allow Mirrored", description="Check Allow Mirrored Match first", options={"SKIP_SAVE"}
+    )
+
+    def begin(self, context):
+        settings = context.scene.spectral_match
+        if self.as_modelled:
+            settings.shape = "ORIGINAL"
+        if self.mirrored:
+            settings.allow_mirror = True
+        return super().begin(context)
 
     def wants_swapped_sides(self, _context):
         return self.swap_sides

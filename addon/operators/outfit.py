@@ -106,16 +106,16 @@ class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
 
     def conclude(self, context, job):
         if job.cancelled:
-            self.report({"INFO"}, "Cancelled; nothing was changed")
+            self.tell({"INFO"}, "Cancelled; nothing was changed")
             return {"CANCELLED"}
         made, trouble = store_fitted(context, job, self._wearer)
         if not made:
-            return self.fail(" ".join(trouble))
+            return self.fail("\n".join(trouble))
         self.warn(trouble)
         show.show_after_fit(context, self._dressed)
         words = summary(made)
         context.scene.spectral_match.outfit_inside = words.partition(": ")[2]
-        self.report({"INFO"}, words)
+        self.tell({"INFO"}, words)
         return {"FINISHED"}
 
 
@@ -126,7 +126,8 @@ def summary(made):
         sum(values) for values in zip(*((each.inside, len(each.places)) for each, _ in made), strict=True)
     )
     to = f"'{made[0][0].wish.label}'" if len(made) == 1 else f"{len(made)} characters"
-    return f"Fitted {pieces} garment{'s' if pieces > 1 else ''} to {to}: {live.words_inside(inside, many)}"
+    what = "1 garment" if pieces == 1 else f"{pieces} garments"
+    return f"Fitted {what} to {to}: {live.words_inside(inside, many)}"
 
 
 class SPECTRAL_MATCH_OT_toggle_worn(Step, Operator):

@@ -8,6 +8,7 @@ from .. import mesh_read, overlay, pair, stored_match
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import read_places
 from ..overlay import Point
+from ..translation import said, spoken
 from .pick import hit, redraw, region_under
 from .step import Step, going_on, needs_matched
 
@@ -65,7 +66,9 @@ class SPECTRAL_MATCH_OT_follow_pointer(Step, Operator):
         overlay.partners = (None, None)
         context.window_manager.modal_handler_add(self)
         going_on.add(self)
-        context.workspace.status_text_set("Rest the pointer on a character   |   Esc: Done")
+        context.workspace.status_text_set(
+            f"{said('Rest the pointer on a character')}   |   Esc: {said('Done')}"
+        )
         redraw(context)
         return {"RUNNING_MODAL"}
 
@@ -78,7 +81,7 @@ class SPECTRAL_MATCH_OT_follow_pointer(Step, Operator):
                 overlay.partners = self._under(context, event, matched)
             except UnusableObjectError as reason:
                 overlay.partners = (None, None)
-                context.workspace.status_text_set(str(reason))
+                context.workspace.status_text_set(spoken(str(reason)))
             redraw(context)
         return {"PASS_THROUGH"}
 

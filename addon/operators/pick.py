@@ -10,7 +10,7 @@ from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_
 from .. import landmarks, mesh_read, overlay, pair
 from ..mesh_read import UnusableObjectError
 from ..overlay import Picking, Point
-from ..translation import said
+from ..translation import said, spoken
 from .step import Step, going_on, needs_pair
 
 # Where a modifier changes the vertices, the vertex nearest to the place under the pointer is taken, if the
@@ -153,7 +153,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
             except UnusableObjectError as reason:
                 # Said where the pointer is; a click says it aloud.
                 overlay.picking.hovered = None
-                context.workspace.status_text_set(str(reason))
+                context.workspace.status_text_set(spoken(str(reason)))
         return {"PASS_THROUGH"}
 
     def cancel(self, context):
@@ -198,7 +198,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
 
     def _show(self, context):
         context.workspace.status_text_set(
-            f"{hint(context)}   |   Enter or Esc: Done   |   Backspace: Take Back"
+            f"{hint(context)}   |   Enter, Esc: {said('Done')}   |   Backspace: {said('Take Back')}"
         )
         redraw(context)
 
@@ -211,7 +211,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
             context.workspace.status_text_set(None)
             redraw(context)
         if self._added:
-            self.report({"INFO"}, f"{self._added} landmark{'s' if self._added > 1 else ''} added")
+            self.tell({"INFO"}, "1 landmark added" if self._added == 1 else f"{self._added} landmarks added")
         return {"FINISHED"}
 
 
@@ -317,7 +317,10 @@ class SPECTRAL_MATCH_OT_go_to_landmark(Step, Operator):
         on_source = self.end == "SOURCE"
         obj, vertex = (ends.source, ends.source_vertex) if on_source else (ends.target, ends.target_vertex)
         if vertex >= len(obj.data.vertices):
-            raise UnusableObjectError(f"'{obj.name}' has no vertex {vertex} any more. Pick it again")
+            raise UnusableObjectError(
+                f"'{obj.name}' got other vertices since landmark '{landmark.name}' was picked. "
+                "Remove the landmark under Fix, or pick it again"
+            )
         view = context.space_data.region_3d
         depsgraph = context.evaluated_depsgraph_get()
         normal = obj.matrix_world.inverted_safe().transposed().to_3x3() @ obj.data.vertices[vertex].normal

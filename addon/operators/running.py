@@ -9,6 +9,7 @@ from .. import core
 from .. import job as job_module
 from ..job import Job
 from ..mesh_read import value_of
+from ..translation import said
 from .step import Step, going_on
 
 POLL_SECONDS = 0.05
@@ -48,6 +49,7 @@ class JobOperator(Step):
         return self._end(context, job)
 
     def invoke(self, context, _event):
+        self.pressed = True
         # Timers stand still in background mode, and there is no window to keep alive.
         if bpy.app.background:
             return self.execute(context)
@@ -117,10 +119,10 @@ class JobOperator(Step):
 
     def _show_progress(self, context):
         job = self._job
-        words = "stopping" if job.cancelling else f"{job.stage}  {job.fraction:.0%}"
+        words = job.words
         if words != self._shown:
             self._shown = words
-            context.workspace.status_text_set(f"Spectral Match: {words}   |   Esc: Cancel")
+            context.workspace.status_text_set(f"Spectral Match: {words}   |   Esc: {said('Cancel')}")
         redraw_sidebars(context)
 
     def _stop_watching(self, context):

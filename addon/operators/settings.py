@@ -10,6 +10,7 @@ from bpy.types import Menu, Operator
 from .. import preferences, prepared
 from ..mesh_read import UnusableObjectError
 from ..transfer import TransferChoice, TransferOptions
+from ..translation import spoken
 from .step import Step
 
 FOLDER = Path(__file__).resolve().parents[1]
@@ -46,7 +47,7 @@ class SPECTRAL_MATCH_OT_add_preset(AddPresetBase, Operator):
     def execute(self, context):
         removed = bpy.utils.preset_find(self.name, PRESETS, display_name=True)
         if (self.remove_name or self.remove_active) and removed and Path(removed).is_relative_to(FOLDER):
-            self.report({"ERROR"}, f"The preset '{self.name}' comes with the extension and stays")
+            self.report({"ERROR"}, spoken(f"The preset '{self.name}' comes with the extension and stays"))
             return {"CANCELLED"}
         return super().execute(context)
 
@@ -64,7 +65,7 @@ class SPECTRAL_MATCH_OT_reset(Step, Operator):
             settings.property_unset(name)
         settings.skipped.clear()
         SPECTRAL_MATCH_MT_presets.bl_label = "Presets"
-        self.report({"INFO"}, "Settings of match and transfer are the defaults again")
+        self.tell({"INFO"}, "Settings of match and transfer are the defaults again")
         return {"FINISHED"}
 
 
@@ -84,7 +85,7 @@ class SPECTRAL_MATCH_OT_clear_cache(Step, Operator):
             prepared.clear(storage)
         except OSError as reason:
             raise UnusableObjectError(f"The cache cannot be cleared: {reason}") from reason
-        self.report({"INFO"}, f"No prepared meshes are left in {storage.folder}")
+        self.tell({"INFO"}, f"No prepared meshes are left in {storage.folder}")
         return {"FINISHED"}
 
 

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the operators of the workflow share: when they can be pressed, and how they fail."""
 
-from .. import core, notice, pair
+import bpy
+
+from .. import core, drawing, notice, pair
 from .. import job as job_module
 from ..mesh_read import UnusableObjectError
+from ..translation import spoken
 
 # Operators that go on in the window. Disabling the extension takes their classes away without a word to them.
 going_on = set()
@@ -44,13 +47,19 @@ class Step:
     """
 
     obstacle = staticmethod(nothing)
+    # Whether somebody pressed it, rather than a script.
+    pressed = False
 
     @classmethod
     def poll(cls, context):
         words = cls.obstacle(context)
         if words:
-            cls.poll_message_set(words)
+            cls.poll_message_set(spoken(words))
         return not words
+
+    def invoke(self, context, _event):
+        self.pressed = True
+        return self.execute(context)
 
     def execute(self, context):
         return self.attempt(self.act, context)
@@ -63,13 +72,19 @@ class Step:
         except (UnusableObjectError, core.CoreMissingError) as reason:
             return self.fail(str(reason))
 
+    def tell(self, kinds, words):
+        """Report messages, a line each, in the language of the interface."""
+        self.report(kinds, " ".join(spoken(words).splitlines()))
+
     def fail(self, words):
-        self.report({"ERROR"}, words)
+        # An error opens a pop-up, which the panel beside it would repeat.
+        once = self.pressed and drawing.is_open(bpy.context)
+        self.tell({"WARNING"} if once else {"ERROR"}, words)
         notice.say(words)
         return {"CANCELLED"}
 
     def warn(self, messages):
         """Say what needs attention though the step succeeded."""
         for words in messages:
-            self.report({"WARNING"}, words)
+            self.tell({"WARNING"}, words)
         notice.say("\n".join(messages))

@@ -37,11 +37,13 @@ __all__ = [
     "Carried",
     "Kind",
     "Prepared",
+    "TransferAdjustments",
     "TransferChoice",
     "TransferOptions",
     "carry_all",
     "checked",
     "names_of",
+    "others",
 ]
 
 # In the order of the panel, which is the order of writing.
@@ -67,7 +69,7 @@ OVER_ALL = (vertex_groups.KIND, shape_keys.KIND, *OF_FIGURES)
 # A figure in a note, apart from those in names.
 FIGURE = re.compile(r"(?<![\w'.])\d+(?:\.\d+)?(?![\w'])")
 
-# Both classes only bring properties to the property group or operator that inherits them.
+# These classes only bring properties to the property group or operator that inherits them.
 TransferOptions = type(
     "TransferOptions",
     (),
@@ -76,22 +78,47 @@ TransferOptions = type(
         "__annotations__": {name: made for kind in KINDS for name, made in kind.options.items()},
     },
 )
-TransferChoice = type(
-    "TransferChoice",
+TransferKinds = type(
+    "TransferKinds",
     (),
     {
-        "__doc__": "`use_KIND` chooses a kind, `open_KIND` lists its items in the panel.",
+        "__doc__": "`use_KIND` chooses a kind.",
         "__annotations__": {
             f"use_{kind.identifier}": BoolProperty(
                 name=kind.label, description=kind.description, default=kind.default
             )
             for kind in KINDS
-        }
+        },
+    },
+)
+TransferChoice = type(
+    "TransferChoice",
+    (),
+    {
+        "__doc__": "`use_KIND` chooses a kind, `open_KIND` lists its items in the panel.",
+        "__annotations__": TransferKinds.__annotations__
         | {
             f"open_{kind.identifier}": BoolProperty(
                 name="Show", description=f"List the {kind.label.lower()} one by one"
             )
             for kind in KINDS
+        },
+    },
+)
+
+
+# For the operator, each run of which begins with the defaults.
+TransferAdjustments = type(
+    "TransferAdjustments",
+    (),
+    {
+        "__doc__": "Which kinds go, and every option of every kind.",
+        "__annotations__": {
+            name: made.function(
+                **{**made.keywords, "options": made.keywords.get("options", set()) | {"SKIP_SAVE"}}
+            )
+            for properties in (TransferKinds, TransferOptions)
+            for name, made in properties.__annotations__.items()
         },
     },
 )
@@ -190,10 +217,16 @@ def said_once(said):
     notes = []
     for alike in told.values():
         _, name, words = max(alike, key=lambda each: each[0])
-        others = len({other for _, other, _ in alike}) - 1
-        more = f" and {others} more mesh{'es' if others > 1 else ''}" if others else ""
+        more = others(len({other for _, other, _ in alike}) - 1)
         notes.append(words.replace("\0", f"'{name}'{more}"))
     return notes
+
+
+def others(many):
+    """Words after the name of a mesh that stands for so many others too."""
+    if many == 0:
+        return ""
+    return " and 1 more mesh" if many == 1 else f" and {many} more meshes"
 
 
 def _wanted(route, chosen):
@@ -239,7 +272,7 @@ def _prepare(routes, figure, options, brought):
                 raise
             refused.append((route.target, str(reason)))
     if refused and not any(route.prepared for route in [*routes, figure]):
-        raise UnusableObjectError(" ".join(said_once(refused)))
+        raise UnusableObjectError("\n".join(said_once(refused)))
     return refused
 
 

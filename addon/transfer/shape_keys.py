@@ -56,8 +56,10 @@ def prepare(route, wanted, options):
         blocks = [block for block in blocks if block.name not in left]
         if left:
             notes.append(
-                f"{len(left)} shape key{'s move' if len(left) > 1 else ' moves'} nothing on "
-                f"'{route.target.name}' and {'were' if len(left) > 1 else 'was'} left out: {listed(left)}"
+                f"{len(left)} shape keys move nothing on '{route.target.name}' and were left out: "
+                f"{listed(left)}"
+                if len(left) > 1
+                else f"1 shape key moves nothing on '{route.target.name}' and was left out: {left[0]}"
             )
     if not blocks:
         return Prepared(notes=tuple(notes))

@@ -140,8 +140,11 @@ def _part_title(original, target, parts, number):
 def _own_layout(route, options):
     name = bake_map(route, options)
     if name not in route.target.data.uv_layers:
-        what = f"has no UV map '{name}'" if name else "has no UV map of its own"
-        raise UnusableObjectError(f"'{route.target.name}' {what} to bake textures into. Unwrap it first")
+        raise UnusableObjectError(
+            f"'{route.target.name}' has no UV map '{name}' to bake textures into. Choose another one"
+            if name
+            else f"'{route.target.name}' has no UV map of its own to bake textures into. Unwrap it first"
+        )
     return name
 
 

@@ -68,13 +68,15 @@ def _faults(route, name, source_uv, target_uv):
     judge = core.load().judge_layout
     before = judge(route.source_points[route.triangles], source_uv)
     after = judge(route.target_points[route.target_triangles], target_uv[route.target_corners])
-    words = []
+    found, of_map = [], f"UV map '{name}' on '{route.target.name}'"
     if after["stretch"] > STRETCH_ROOM * before["stretch"]:
-        words.append(f"is stretched {after['stretch']:.2f} (source {before['stretch']:.2f})")
-    for fault, verb in (("flipped", "flipped"), ("overlap", "overlapping")):
-        if after[fault] > before[fault] + SHARE_ROOM:
-            words.append(f"has {after[fault]:.0%} {verb} area (source {before[fault]:.0%})")
-    return [f"UV map '{name}' on '{route.target.name}' " + " and ".join(words)] if words else []
+        figures = f"{after['stretch']:.1f}, there {before['stretch']:.1f}"
+        found.append(f"{of_map} is stretched more than on the source ({figures})")
+    if after["flipped"] > before["flipped"] + SHARE_ROOM:
+        found.append(f"{of_map} has {after['flipped']:.0%} flipped area (source {before['flipped']:.0%})")
+    if after["overlap"] > before["overlap"] + SHARE_ROOM:
+        found.append(f"{of_map} has {after['overlap']:.0%} overlapping area (source {before['overlap']:.0%})")
+    return found
 
 
 def _seams(route, uv):

@@ -2,17 +2,20 @@
 """The interface in other languages: nothing is left out, nothing is left over, and it fits."""
 
 import ast
+import re
 import unicodedata
 from pathlib import Path
+from string import Formatter
 
 import bpy
 import pytest
 
-from addon import job, panels, wording
+from addon import job, panels, remedy, wording
 from addon.drawing import wrapped
+from addon.message_table import MESSAGES
 from addon.tooltip_table import TOOLTIPS
 from addon.transfer import KINDS
-from addon.translation import CONTEXTS, LANGUAGES, said
+from addon.translation import CONTEXTS, LANGUAGES, ROWS, said, spoken
 from addon.translation_table import TABLE
 
 ADDON = Path(__file__).parents[2] / "addon"
@@ -21,6 +24,9 @@ WIDEST = 34
 # Classes whose properties no panel shows, and how tooltips of what scripts alone give begin.
 UNSEEN = {"stored_match", "piece", "landmark", "OT_add_landmark"}
 OF_SCRIPTS = "For scripts"
+# Modules whose words no panel shows: of the command line, of tables, and patterns that are looked for.
+NOT_SHOWN = {"batch.py", "command_line.py", "translation.py", "wording.py", "remedy.py", "morph.py"}
+CORE = ADDON.parent / "rust" / "core" / "src"
 
 
 def constant(node):
@@ -43,7 +49,8 @@ def texts():
     """All texts of panels, buttons, settings and of what is said while a match runs."""
     found = set(wording.GRADES.values()) | {wording.NEARLY_GOOD, panels.SWAPPED, panels.SWAP_BACK}
     found |= {words for _, words in wording.PLAIN if words} | set(panels.ADVICE.values()) | {panels.LEGEND}
-    found |= {words for words in job.STAGE_WORDS.values() if words[0].isupper()}
+    found |= set(job.STAGE_WORDS.values())
+    found |= {each.label for each in vars(remedy).values() if isinstance(each, remedy.Remedy)}
     for kind in KINDS:
         found |= set(kind.words) if len(kind.words) == 1 else {f"{{}} {word}" for word in kind.words}
     for path in ADDON.rglob("*.py"):
@@ -94,21 +101,123 @@ def tips_of(call):
         yield constant(call.args[3])
 
 
+def template(node):
+    """A text with `{}` for each value in it."""
+    if isinstance(node, ast.Constant):
+        return constant(node)
+    return "".join(template(part) if isinstance(part, ast.Constant) else "{}" for part in node.values)
+
+
+def messages():
+    """Sentences in the code that are no docstrings, descriptions or lists of names: what may be said."""
+    for path in ADDON.rglob("*.py"):
+        if path.name in NOT_SHOWN or path.name.endswith("_table.py") or "presets" in path.parts:
+            continue
+        tree, passed = ast.parse(path.read_text(encoding="utf-8")), set()
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Expr):
+                passed.add(node.value)
+            elif isinstance(node, ast.JoinedStr):
+                passed.update(node.values)
+            elif isinstance(node, ast.Attribute) and node.attr == "split":
+                passed.add(node.value)
+            elif isinstance(node, ast.Call):
+                told = [word.value for word in node.keywords if word.arg == "description"]
+                passed.update(part for each in told for part in ast.walk(each))
+            elif isinstance(node, ast.Dict):
+                keys = [constant(key) for key in node.keys if key is not None]
+                if "__doc__" in keys:
+                    passed.update(node.values)
+        for node in ast.walk(tree):
+            if isinstance(node, ast.Constant | ast.JoinedStr) and node not in passed:
+                yield from template(node).splitlines()
+
+
+def core_messages(*rooms):
+    """What the core, or these rooms of it, says of a match and of why there is none, `{}` for its values."""
+    found = []
+    for path in ("matching/ranking/quality.rs", "figure/judgement.rs", "error.rs"):
+        if rooms and not path.startswith(rooms):
+            continue
+        text = (CORE / path).read_text(encoding="utf-8").split("mod tests")[0]
+        found += re.findall(r'"((?:[^"\\]|\\.|\\\n)*)"', text, re.DOTALL)
+    for path in CORE.rglob("*.rs") if not rooms else ():
+        text = path.read_text(encoding="utf-8")
+        found += re.findall(r'Error::NoMap \{\s*reason: "([^"]*)"', text)
+        found += re.findall(r'remarks\.push\(format!\(\s*"([^"]*)"', text)
+    for words in found:
+        words = re.sub(r"\\\n\s*", "", words)
+        for role in ("source", "target") if "{role}" in words else ("",):
+            yield re.sub(r"\{[^}]*\}", "{}", words.replace("{role}", role))
+
+
+def sentences(words):
+    return {each.strip() for each in words if len(re.findall(r"[A-Za-z]{2,}", each)) > 2 and " " in each}
+
+
+# What is composed with translated parts alone, is shown by no one, or is the name of a mark.
+COMPOSED = {
+    "{}   |   Enter, Esc: {}   |   Backspace: {}",
+    "Spectral Match: {}   |   Esc: {}",
+    "settings = bpy.context.scene.spectral_match",
+    "Edge Bevel Weights",
+    "Vertex Bevel Weights",
+}
+
+
+def test_every_message_has_a_translation():
+    found = sentences(messages())
+    assert len(found) > 150
+    of_figures = {re.sub(r"\d+", "{}", row[0]) for row in ROWS} | {row[0] for row in ROWS}
+    assert {re.sub(r"\b\d+\b", "{}", each) for each in found - COMPOSED} - of_figures == set()
+
+
+def test_every_message_of_the_core_has_a_translation():
+    found = sentences(core_messages())
+    # The panel begins them with a capital, and the table has some of them so.
+    rows = {row[0].lower() for row in ROWS}
+    assert len(found) > 25 and {each for each in found if each.lower() not in rows} == set()
+
+
+def test_every_reason_in_plain_words_has_a_translation():
+    """As the panel shows it, with the core's figures left out."""
+    rows = {row[0] for row in ROWS}
+    said = [re.sub(r"\{\}", "7", each) for each in core_messages("matching/ranking", "figure/judgement")]
+    assert len(said) > 20
+    for reason in said:
+        if " " in reason:
+            assert set(wording.plain([reason])) <= rows, reason
+
+
 def test_every_text_has_a_translation():
-    assert len(texts()) > 150 and texts() - {row[0] for row in TABLE} == set()
+    assert len(texts()) > 150 and texts() - {row[0] for row in (*TABLE, *MESSAGES)} == set()
 
 
 def test_every_tooltip_has_a_translation():
     assert len(tooltips()) > 80 and tooltips() - {row[0] for row in TOOLTIPS} == set()
 
 
-@pytest.mark.parametrize("row", [*TABLE, *TOOLTIPS], ids=lambda row: row[0][:30])
+def places(words):
+    """The numbers of the values in a text, in their order, and whether each is in quotes."""
+    count, found = 0, []
+    for before, name, _, _ in Formatter().parse(words):
+        if name is not None:
+            found.append((int(name) if name else count, before.endswith("'")))
+            count += 1
+    return found
+
+
+@pytest.mark.parametrize("row", ROWS, ids=lambda row: row[0][:30])
 def test_rows_are_whole(row):
     """Each once, in all languages, with the same values in it, and labels no wider than the sidebar."""
-    assert len(row) == 1 + len(LANGUAGES) and sum(row[0] == other[0] for other in (*TABLE, *TOOLTIPS)) == 1
+    assert len(row) == 1 + len(LANGUAGES) and sum(row[0] == other[0] for other in ROWS) == 1
     for words in row[1:]:
-        assert words and words.count("{}") == row[0].count("{}")
-        if width(row[0]) <= WIDEST and " " in row[0] and "Shift" not in row[0]:
+        # Values that are quoted in messages bring their quotes.
+        quotes = row in MESSAGES
+        assert words and {(n, q and quotes) for n, q in places(words)} == {
+            (n, q and quotes) for n, q in places(row[0])
+        }
+        if row not in MESSAGES and width(row[0]) <= WIDEST and " " in row[0] and "Shift" not in row[0]:
             assert width(words) <= max(WIDEST, 1.5 * width(row[0])), words
 
 
@@ -128,6 +237,46 @@ def test_blender_looks_them_up(registered, place):
         )
     finally:
         view.language = before
+
+
+@pytest.fixture(params=range(len(LANGUAGES)), ids=LANGUAGES)
+def language(request):
+    return request.param
+
+
+def test_messages_are_spoken(language):
+    """Names stay, also those that are words; reasons inside of a message are spoken too."""
+    rows = {row[0]: row[1 + language] for row in ROWS}
+    locale = LANGUAGES[language]
+    assert spoken("'Match' has no faces. Matching needs a surface", locale) == rows[
+        "'{}' has no faces. Matching needs a surface"
+    ].replace("{}", "Match")
+    inner = "'{}' was edited while it was read. Match again"
+    assert spoken(f"'A B' was not matched: {inner.format('C')}", locale) == rows[
+        "'{}' was not matched: {}"
+    ].format("A B", rows[inner].format("C"))
+    # The core begins in lower case.
+    reason = "the surface turns in places (orientation {})"
+    assert spoken(reason.format(0.38).capitalize(), locale) == rows[reason].format(0.38)
+    two = spoken("1 landmark added\nnobody says this", locale)
+    assert two.splitlines() == [rows["1 landmark added"], "nobody says this"]
+
+
+def test_others_in_a_message_are_spoken(language):
+    rows = {row[0]: row[1 + language] for row in ROWS}
+    more = rows["and {} more meshes"].format(3)
+    row = "UV map '{}' of '{}' stays; that of '{}' came beside it as '{}'"
+    words = spoken(
+        "UV map 'UVMap' of 'Leg' and 3 more meshes stays; that of 'S' came beside it as 'T'",
+        LANGUAGES[language],
+    )
+    wanted = re.sub(r"'(\{\d*\})'", r"\1", rows[row])
+    assert words == wanted.format("'UVMap'", f"'Leg'{more}", "'S'", "'T'")
+
+
+def test_english_is_left_alone(registered):
+    words = "'Ann's Hat' has no faces. Matching needs a surface"
+    assert spoken(words) == words
 
 
 @pytest.mark.parametrize("text", ["one two  three", "", "映射几乎同样合适,请比较。", "マップ 1 を比べる"])

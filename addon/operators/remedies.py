@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Remedies: what a button beside a refusal or a note does where Blender has no operator for it."""
+
+import bpy
+import numpy as np
+from bpy.props import StringProperty
+from bpy.types import Operator
+
+from .. import landmarks, mesh_read, mesh_write, pair
+from ..mesh_read import UnusableObjectError
+from .step import Step
+
+# Between islands, as a share of the square: eight texels of an image 2048 wide, the margin that is baked.
+ISLAND_MARGIN = 8 / 2048
+
+
+def _named(name):
+    obj = bpy.data.objects.get(name)
+    if obj is None:
+        raise UnusableObjectError(f"There is no object named '{name}' any more")
+    return obj
+
+
+class SPECTRAL_MATCH_OT_show_object(Step, Operator):
+    """Show this object in the viewport, with the collections that it is in"""
+
+    bl_idname = "spectral_match.show_object"
+    bl_label = "Show It"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    name: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def act(self, context):
+        obj = _named(self.name)
+        for layer in _above(context.view_layer.layer_collection, obj):
+            layer.exclude = layer.hide_viewport = layer.collection.hide_viewport = False
+        obj.hide_viewport = False
+        context.view_layer.update()
+        if obj.name not in context.view_layer.objects:
+            raise UnusableObjectError(f"'{obj.name}' is in another scene. Link it to this one")
+        obj.hide_set(False)
+        return {"FINISHED"}
+
+
+def _above(layer, obj):
+    """The layer collections on one way from this one down to an object; none if it is not below."""
+    if obj.name in layer.collection.objects:
+        return [layer]
+    for child in layer.children:
+        below = _above(child, obj)
+        if below:
+            return [layer, *below]
+    return []
+
+
+class SPECTRAL_MATCH_OT_unit_scale(Step, Operator):
+    """Give this object the scale 1 along each axis that is scaled to nothing"""
+
+    bl_idname = "spectral_match.unit_scale"
+    bl_label = "Set Its Scale to 1"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    name: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def act(self, _context):
+        obj = _named(self.name)
+        if all(obj.scale):
+            raise UnusableObjectError(f"'{obj.name}' itself has a scale: its parent has none. Scale that")
+        obj.scale = [factor or 1.0 for factor in obj.scale]
+        return {"FINISHED"}
+
+
+class SPECTRAL_MATCH_OT_unwrap(Step, Operator):
+    """Give this mesh a UV map of its own, beside those it has, by Smart UV Project"""
+
+    bl_idname = "spectral_match.unwrap"
+    bl_label = "Unwrap It"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    name: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def act(self, context):
+        obj = _named(self.name)
+        objects = context.view_layer.objects
+        if obj.name not in objects or not obj.visible_get():
+            raise UnusableObjectError(f"'{obj.name}' is hidden. Show it to unwrap it")
+        mesh_read.check_usable(obj, as_target=True)
+        active, selected = objects.active, list(objects.selected)
+        # All that are selected, or in Edit Mode already, would be unwrapped.
+        with mesh_write.object_mode(context, [each for each in objects if each.type == "MESH"]):
+            objects.active = obj
+            layer = obj.data.uv_layers.new(name="UVMap")
+            if layer is None:
+                raise UnusableObjectError(f"'{obj.name}' has no room for one more UV map. Remove one")
+            obj.data.uv_layers.active = layer
+            name = layer.name
+            for each in selected:
+                each.select_set(False)
+            states = list(_states(obj.data))
+            bpy.ops.object.mode_set(mode="EDIT")
+            try:
+                bpy.ops.mesh.reveal()
+                bpy.ops.mesh.select_all(action="SELECT")
+                bpy.ops.uv.smart_project(island_margin=ISLAND_MARGIN)
+            finally:
+                bpy.ops.object.mode_set(mode="OBJECT")
+                objects.active = active
+                for each in selected:
+                    each.select_set(True)
+                for elements, state, values in states:
+                    elements.foreach_set(state, values)
+        self.tell({"INFO"}, f"'{obj.name}' got the UV map '{name}'. Transfer again to bake into it")
+        return {"FINISHED"}
+
+
+def _states(mesh):
+    """Which vertices, edges and faces are selected and hidden: (elements, name of the state, values)."""
+    for elements in (mesh.vertices, mesh.edges, mesh.polygons):
+        for state in ("select", "hide"):
+            values = np.empty(len(elements), bool)
+            elements.foreach_get(state, values)
+            yield elements, state, values
+
+
+class SPECTRAL_MATCH_OT_remove_outdated(Step, Operator):
+    """Remove the landmarks of this pair whose mesh got other vertices since they were picked"""
+
+    bl_idname = "spectral_match.remove_outdated"
+    bl_label = "Remove Outdated Landmarks"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    def act(self, context):
+        settings = context.scene.spectral_match
+        found = pair.resolve(context)
+        of_all = [landmarks.of_pair(settings, found.source, target) for target in found.targets]
+        # A landmark that is removed moves those after it: by name.
+        for name in [mark.name for each in of_all for mark, ends in each if landmarks.outdated(ends)]:
+            settings.landmarks.remove(settings.landmarks.find(name))
+        settings.landmark_index = min(settings.landmark_index, len(settings.landmarks) - 1)
+        return {"FINISHED"}
+
+
+CLASSES = (
+    SPECTRAL_MATCH_OT_show_object,
+    SPECTRAL_MATCH_OT_unit_scale,
+    SPECTRAL_MATCH_OT_unwrap,
+    SPECTRAL_MATCH_OT_remove_outdated,
+)
