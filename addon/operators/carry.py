@@ -7,11 +7,14 @@ from bpy.types import Operator
 from .. import character, core, mesh_read, mesh_write, notice, pair, stored_match
 from ..job import Job
 from ..mesh_read import UnusableObjectError
-from ..transfer import KINDS, Carried, TransferOptions, carry_all, checked, names_of
+from ..transfer import KINDS, Carried, TransferAdjustments, carry_all, checked, names_of
 from ..translation import said
 from . import show
 from .running import JobOperator
 from .step import Step, needs_matched
+
+# What Adjust Last Operation can change after a transfer.
+ADJUSTED = tuple(TransferAdjustments.__annotations__)
 
 
 def carry(context, source, targets, options, chosen):
@@ -58,13 +61,13 @@ def _summary(brought, done):
 
 
 class GivenOptions:
-    """An operator's options where a script gave them, else those of the scene."""
+    """An operator's options where a script or Adjust Last Operation gave them, else those of the scene."""
 
     def __init__(self, operator, settings):
         self._operator, self._settings = operator, settings
 
     def __getattr__(self, name):
-        given = self._operator.properties.is_property_set(name)
+        given = name in ADJUSTED and self._operator.properties.is_property_set(name)
         return getattr(self._operator if given else self._settings, name)
 
 
@@ -75,12 +78,12 @@ class TransferJob(Job):
         """Nothing is left to do."""
 
 
-class SPECTRAL_MATCH_OT_transfer(TransferOptions, JobOperator, Operator):
+class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
     """Carry the checked data from the source to every matched target"""
 
     bl_idname = "spectral_match.transfer"
     bl_label = "Transfer"
-    bl_options = {"UNDO"}
+    bl_options = {"REGISTER", "UNDO"}
 
     # Nothing may change between its steps.
     blocks = True
@@ -102,7 +105,10 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, JobOperator, Operator):
     def begin(self, context):
         found = pair.resolve(context)
         settings = context.scene.spectral_match
-        options, chosen = GivenOptions(self, settings), self._choice(settings)
+        if self.options.is_repeat:
+            self._keep(settings)
+        options = GivenOptions(self, settings)
+        chosen = self._choice(options)
         self._brought, self._done, refused = Carried(), [], []
         for number, target in enumerate(found.targets):
             pieces = pair.matched_of(target) or target.pieces
@@ -116,21 +122,51 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, JobOperator, Operator):
                 self._brought.add(brought)
                 self._done.append(pieces)
         if not self._done:
-            raise UnusableObjectError(" ".join(refused))
+            raise UnusableObjectError("\n".join(refused))
         self._brought.notes += refused
         return TransferJob()
 
     def conclude(self, context, job):
         if not self._done:
-            self.report({"INFO"}, "Transfer stopped; nothing was changed")
+            self.tell({"INFO"}, "Transfer stopped; nothing was changed")
             return {"CANCELLED"}
         done = _summary(self._brought, self._done)
         show.show_after_transfer(context, [obj for pieces in self._done for obj in pieces], self._brought)
-        self.report({"INFO"}, ("Stopped. " if job.cancelling else "") + done)
+        self.tell({"INFO"}, ("Stopped.\n" if job.cancelling else "") + done)
+        self._offer(context.scene.spectral_match)
         notice.finish(context, done, self._brought.notes)
         return {"FINISHED"}
 
-    def _choice(self, settings):
+    def draw(self, context):
+        """Adjust Last Operation: the kinds that the source has, and under each how it was carried."""
+        pieces = pair.matched_pieces(context)
+        sources = [obj for piece in pieces for obj, _, _ in stored_match.sources_of(piece)]
+        sources = list(filter(character.is_there, dict.fromkeys(sources)))
+        layout = self.layout
+        layout.use_property_decorate = False
+        for kind in KINDS:
+            if not names_of(kind, sources):
+                continue
+            column, use = layout.column(align=True), f"use_{kind.identifier}"
+            if not (self.kinds or self.items):
+                column.prop(self, use)
+            options = column.column(align=True)
+            options.use_property_split = True
+            for name in kind.options if getattr(self, use) else ():
+                options.prop(self, name)
+
+    def _offer(self, settings):
+        """Have Adjust Last Operation begin with what was done."""
+        done = GivenOptions(self, settings)
+        for name in ADJUSTED:
+            setattr(self, name, getattr(done, name))
+
+    def _keep(self, settings):
+        """What was chosen in Adjust Last Operation is what the panel shows."""
+        for name in ADJUSTED:
+            setattr(settings, name, getattr(self, name))
+
+    def _choice(self, options):
         """Which items go: those named by the script, those of its kinds, or those checked in the panel."""
         known = [kind.identifier for kind in KINDS]
         items = self._items()
@@ -142,7 +178,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferOptions, JobOperator, Operator):
             )
 
         if not items and not kinds:
-            return checked(settings)
+            return checked(options)
         return lambda kind, name: kind.identifier in kinds or f"{kind.identifier}/{name}" in items
 
     def _items(self):

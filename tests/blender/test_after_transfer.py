@@ -11,7 +11,7 @@ from test_transfer import store_identity
 
 from addon import job, menus, notice, pair, palette
 from addon.mesh_read import value_of
-from addon.operators.carry import carry
+from addon.operators.carry import ADJUSTED, carry
 from addon.transfer import Carried, said_once
 
 GROUPS = [f"Bone {number:02}" for number in range(25)]
@@ -64,6 +64,38 @@ def test_a_transfer_that_is_stopped_changes_nothing(bodies, scene):
     assert set(bpy.data.objects) == objects and target.mode == "OBJECT"
     brought = value_of(carry(bpy.context, source, [target], scene.spectral_match, lambda *_: True))
     assert len(brought.names["groups"]) == len(target.vertex_groups) == len(GROUPS)
+
+
+def test_adjust_last_operation_begins_with_what_was_done(bodies, scene):
+    """What is not set in it is as in the panel when the button was pressed."""
+    _, target = bodies
+    settings = scene.spectral_match
+    settings.use_marks, settings.mix, settings.smooth_weights = False, 0.5, 2
+    assert bpy.ops.spectral_match.transfer("EXEC_DEFAULT", True, smooth_weights=1) == {"FINISHED"}
+    done = bpy.context.window_manager.operators[-1]
+    assert done.bl_idname == "SPECTRAL_MATCH_OT_transfer"
+    assert (done.use_marks, done.mix, done.smooth_weights, done.use_uv) == (False, 0.5, 1, True)
+    for name in ADJUSTED:
+        if name != "smooth_weights":
+            assert getattr(done, name) == getattr(settings, name)
+    # The next one knows nothing of it.
+    assert settings.smooth_weights == 2
+    target.data.uv_layers.remove(target.data.uv_layers[0])
+    settings.use_uv = False
+    assert bpy.ops.spectral_match.transfer("EXEC_DEFAULT", True) == {"FINISHED"}
+    assert not target.data.uv_layers
+    assert bpy.context.window_manager.operators[-1].smooth_weights == 2
+
+
+def test_a_transfer_is_repeated_with_what_was_adjusted(bodies, scene):
+    _, target = bodies
+    assert bpy.ops.spectral_match.transfer("EXEC_DEFAULT", True) == {"FINISHED"}
+    bpy.context.window_manager.operators[-1].use_uv = False
+    target.data.uv_layers.remove(target.data.uv_layers[0])
+    target.vertex_groups.clear()
+    bpy.ops.screen.repeat_last()
+    assert not target.data.uv_layers and len(target.vertex_groups) == len(GROUPS)
+    assert scene.spectral_match.use_uv
 
 
 def test_all_and_none_mean_what_the_search_finds(bodies, scene):
