@@ -278,22 +278,30 @@ def steps():
     yield from window.until(lambda: troll().modifiers, "the morph")
     modifier = troll().modifiers[0]
     assert modifier.type == "NODES"
-    before = Vector(shown_centre(troll()))
+    on_source = Vector(shown_centre(troll()))
     morph = addon("morph")
     morph.set_value(modifier, morph.FACTOR, 0.5)
     bpy.context.view_layer.update()
     yield from window.shot("07_morph")
-    assert (Vector(shown_centre(troll())) - before).length > 1.0, "the morph moves the target"
+    assert (Vector(shown_centre(troll())) - on_source).length > 1.0, "the morph moves the target"
+    morph.set_value(modifier, morph.WIPE, True)
+    bpy.context.view_layer.update()
+    yield from window.shot("07_wipe")
+    modelled = sum((v.co for v in troll().data.vertices), Vector()) / len(troll().data.vertices)
+    assert (Vector(shown_centre(troll())) - modelled).length < 0.3, "a wipe stays where the target stands"
     yield from window.press("spectral_match.morph", 0.75)
     yield from window.until(lambda: not troll().modifiers, "the end of the morph")
     yield from window.press("spectral_match.lines", 0.25)
 
     yield from window.open_panel("spectral_match.lines", "spectral_match.swap_sides")
     yield from window.shot("08_fix")
-    yield from window.press("spectral_match.alternative(step=1)")
-    yield from idle("the alternative")
     if stored().alternatives > 1:
+        stepper = yield from window.find("spectral_match.alternative(step=1)")
+        yield from window.press("spectral_match.alternative(step=1)")
+        yield from idle("the alternative")
         assert stored().alternative == 1
+        again = yield from window.find("spectral_match.alternative(step=1)")
+        assert again == stepper, "the arrows stay under the pointer"
         yield from window.shot("09_alternative")
         yield from undo(lambda: stored().alternative == 0, "one undo to take back the alternative")
     yield from window.press("spectral_match.swap_sides")
@@ -345,7 +353,25 @@ def steps():
     yield from window.press("spectral_match.transfer()")
     yield from window.until(lambda: len(troll().vertex_groups) == 3, "the transfer")
     assert len(troll().data.uv_layers) == 1
+    yield from idle("the end of the transfer")
     yield from window.shot("15_transferred")
+    window.pointer(*window.point("WINDOW", 100, 300))
+    window.key("F9")
+    yield 1.5
+    window.picture("15_adjust")
+    window.pointer(*window.point("WINDOW", 700, 40))
+    yield 1.0
+    # What a click in that panel does: undo, then the same with other settings.
+    bpy.context.window_manager.operators[-1].use_uv = False
+    with bpy.context.temp_override(**window.view()):
+        bpy.ops.ed.undo_redo("EXEC_DEFAULT", True)
+    assert len(troll().vertex_groups) == 3 and not troll().data.uv_layers
+    assert not bpy.context.scene.spectral_match.use_uv, "the panel shows what was adjusted"
+    yield from window.redrawn()
+    bpy.context.window_manager.operators[-1].use_uv = True
+    with bpy.context.temp_override(**window.view()):
+        bpy.ops.ed.undo_redo("EXEC_DEFAULT", True)
+    assert len(troll().data.uv_layers) == 1
     yield from undo(lambda: not troll().vertex_groups, "one undo to take back the transfer")
     yield from window.shot("16_undone")
     yield from redo(lambda: len(troll().vertex_groups) == 3, "redo to bring it back")
@@ -364,7 +390,10 @@ def steps():
     # Blender's own pop-up tells of the failure too, until the pointer leaves it or Esc is pressed.
     window.key("Escape")
     yield from window.shot("17_refused")
-    yield from window.press("spectral_match.dismiss", 0.9)
+    yield from window.press("spectral_match.unit_scale")
+    yield from window.until(lambda: bpy.data.objects["Flat"].scale.y == 1.0, "the remedy")
+    assert not addon("notice").words
+    flat = bpy.data.objects["Flat"]
     bpy.data.objects.remove(flat)
     ogre = troll()
     there = ogre.data.vertices[0].co.copy()
