@@ -9,7 +9,7 @@ from test_textures import FINER, SAME, Body
 from test_transfer import store_identity, transfer
 from test_transfer_kinds import photo
 
-from addon import notice
+from addon import notice, remedy
 from addon.mesh_write import read_attribute
 from addon.transfer.layouts import own_maps, read_uv
 from addon.transfer.materials import OWN_SLOT
@@ -99,6 +99,20 @@ def test_a_target_that_is_not_unwrapped_shows_the_source_s_images(body):
     transfer(body.source, body.target)
     assert [slot.material for slot in body.target.material_slots] == [body.material]
     assert body.likeness() > SAME
+
+
+def test_an_unwrapped_target_is_baked_to(body):
+    """The remedy beside the note that nothing was baked."""
+    body.target.data.uv_layers.remove(body.target.data.uv_layers["Own"])
+    transfer(body.source, body.target)
+    found = [each for each in remedy.remedies(notice.words) if each[0] == remedy.UNWRAP]
+    assert found == [(remedy.UNWRAP, body.target.name)]
+    assert bpy.ops.spectral_match.unwrap(name=body.target.name) == {"FINISHED"}
+    own = body.target.data.uv_layers.active.name
+    assert own_maps(body.target.data) == [own]
+    transfer(body.source, body.target)
+    assert body.target.data.uv_layers.active.name == own and body.baked() != [body.image]
+    assert remedy.UNWRAP not in dict(remedy.remedies(notice.words))
 
 
 def test_which_face_had_which_material_is_kept(scene):
