@@ -7,10 +7,12 @@ from array import array
 import numpy as np
 
 from .polygons import triangulated
-from .source import Source
+from .source import WORDS_FACTOR, Source
 
 LINES = 10_000
 """Between two looks at what is held."""
+PART_BYTES = 50
+"""What a part of a line takes beside its letters."""
 NAME_BYTES = 200
 """What a name takes beside the others: a tuple, a string, a number."""
 
@@ -19,17 +21,20 @@ def read(source: Source) -> tuple[np.ndarray, np.ndarray, list[tuple[str, int]]]
     """Vertices, triangles, and each object's name with the number of its first triangle."""
     positions, corners, sizes = array("d"), array("q"), array("q")
     names = [("", 0)]
-    unfinished = b""
+    unfinished: list[bytes] = []
+    letters = 0
     for count, (number, line) in enumerate(source.lines()):
         if count % LINES == 0:
             held = 8 * (len(positions) + len(corners) + len(sizes)) + NAME_BYTES * len(names)
             source.allow(held, "its vertices and faces")
-        if unfinished:
-            line, unfinished = unfinished + line, b""
         if line.endswith(b"\\"):
-            unfinished = line[:-1] + b" "
-            source.allow(2 * len(unfinished), "its longest lines")
+            unfinished.append(line[:-1])
+            letters += len(line)
+            source.allow(PART_BYTES * len(unfinished) + WORDS_FACTOR * letters, "its longest lines")
             continue
+        if unfinished:
+            line = b" ".join((*unfinished, line))
+            unfinished, letters = [], 0
         words = line.split(b"#", 1)[0].split()
         if not words:
             continue
