@@ -283,7 +283,8 @@ class Shape:
 
         `zero_area_faces`, `duplicate_faces` and `isolated_vertices`, which belong to no face, were left out;
         so were `dropped_components`, connected parts but for the largest, with `dropped_component_vertices`
-        in all. `bridging_faces` have no area and were kept since they close the surface; `flipped_faces`
+        in all. `stray_vertices`, far out over a narrow foot, were taken to be between their neighbours.
+        `bridging_faces` have no area and were kept since they close the surface; `flipped_faces`
         were turned round. `nonmanifold_edges`, of more than two faces, and `boundary_edges`, of one, are
         told only.
         """

@@ -177,6 +177,7 @@ impl PreparedShape {
             ("zero_area_faces", r.zero_area_faces),
             ("bridging_faces", r.bridging_faces),
             ("duplicate_faces", r.duplicate_faces),
+            ("stray_vertices", r.stray_vertices),
             ("isolated_vertices", r.isolated_vertices),
             ("dropped_components", r.dropped_components),
             ("dropped_component_vertices", r.dropped_component_vertices),

@@ -48,6 +48,15 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
                  set landmarks"
             ));
         }
+        match figure.strays {
+            0 => {}
+            1 => reasons.push(format!(
+                "one vertex of the {role} is far out: it was taken to be between its neighbours"
+            )),
+            strays => reasons.push(format!(
+                "{strays} vertices of the {role} are far out: they were taken to be between their neighbours"
+            )),
+        }
         if figure.is_wrapped() {
             let pieces = figure.pieces;
             reasons.push(format!(

@@ -23,9 +23,9 @@ use crate::envelope::{self, Envelope};
 use crate::error::{Error, Result};
 use crate::geodesics::metric::Metric;
 use crate::matching::{self, Method, Options, match_shapes};
-use crate::mesh::IntakeReport;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::weld::{Welded, checked_faces};
+use crate::mesh::{IntakeReport, strays};
 use crate::shape::{CostlyParts, PublicArrays, Shape};
 use crate::transfer::Surface;
 use crate::transfer::unions::Unions;
@@ -51,6 +51,8 @@ pub struct Figure {
     pub pieces: usize,
     /// Share of the visible area that what is matched carries.
     pub seen: f64,
+    /// Given vertices far out that were taken to be between their neighbours.
+    pub strays: usize,
     /// Corners of the given faces.
     faces: Vec<[u32; 3]>,
     /// The given mesh with vertices at one place joined, in given units.
@@ -133,6 +135,10 @@ impl Figure {
             return Err(Error::NotFinite { vertex });
         }
         let given = checked_faces(vertices.len(), faces)?;
+        let settled = strays::settled(vertices, &given);
+        let (vertices, strays) = settled
+            .as_ref()
+            .map_or((vertices, 0), |s| (s.vertices.as_slice(), s.strays));
         let welded = Welded::of(vertices, &given)?;
         let (piece, pieces) = pieces(&welded);
         let (matched, visible, seen) = if pieces > 1 {
@@ -164,6 +170,7 @@ impl Figure {
             shape: Arc::new(shape),
             pieces,
             seen,
+            strays,
             faces: given,
             welded,
             visible,
@@ -222,6 +229,7 @@ impl Figure {
                 ..IntakeReport::default()
             };
         }
+        report.stray_vertices = self.strays;
         report
     }
 

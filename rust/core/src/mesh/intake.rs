@@ -26,6 +26,8 @@ pub struct IntakeReport {
     pub bridging_faces: usize,
     /// Faces with the same three vertices as an earlier one.
     pub duplicate_faces: usize,
+    /// Vertices far out that were taken to be between their neighbours.
+    pub stray_vertices: usize,
     /// Vertices that no kept face uses.
     pub isolated_vertices: usize,
     /// Connected parts other than the one that is kept.

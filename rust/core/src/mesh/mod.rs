@@ -11,6 +11,7 @@ pub mod edge_weights;
 mod intake;
 pub mod polygons;
 pub mod simplification;
+pub mod strays;
 pub mod surface_point;
 pub mod weld;
 

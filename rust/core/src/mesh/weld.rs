@@ -18,6 +18,10 @@ pub const WELD_TOLERANCE: f64 = 1e-6;
 /// Where more than this share of the faces lie on another, a sheet was given twice; a pinched edge leaves two of ten thousand.
 const DOUBLED: f64 = 0.01;
 
+/// Points so many times the size of the rest away from it do not count for the size: a piece that was left a thousand
+/// body heights away would weld fingers, and no figure has a hundredth of its vertices so far out.
+const FAR: f64 = 3.0;
+
 /// Width of a cell of the grid in tolerances: three of four points, wherever they are, look into one cell only along an axis.
 const CELL: f64 = 8.0;
 
@@ -149,12 +153,8 @@ fn classes(
     may_join: &dyn Fn(u32) -> bool,
 ) -> (Vec<u32>, Vec<u32>) {
     let is_finite = |p: &Point| p.iter().all(|x| x.is_finite());
-    let (mut low, mut high) = ([f64::INFINITY; 3], [f64::NEG_INFINITY; 3]);
-    let corners = faces.iter().flatten().map(|&v| &vertices[v as usize]);
-    for p in corners.filter(|p| is_finite(p)) {
-        low = [0, 1, 2].map(|i| low[i].min(p[i]));
-        high = [0, 1, 2].map(|i| high[i].max(p[i]));
-    }
+    let corners = faces.iter().flatten().map(|&v| vertices[v as usize]);
+    let [low, high] = bulk(corners.filter(is_finite).collect());
     // Halves, since the difference of the largest numbers overflows.
     let half = [0, 1, 2].map(|i| (high[i] / 2.0 - low[i] / 2.0).max(0.0));
     let reach = half.into_iter().fold(0.0, f64::max) * 2.0;
@@ -192,6 +192,37 @@ fn classes(
         }
     }
     (class, first)
+}
+
+/// The bounding box of points, but for those so far out that they say nothing of the size of the rest: beyond [`FAR`]
+/// times the largest extent of all but a hundredth at either end of each axis.
+fn bulk(points: Vec<Point>) -> [Point; 2] {
+    if points.is_empty() {
+        return [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    }
+    let few = points.len() / 100;
+    let ends = [0, 1, 2].map(|axis| {
+        let mut along: Vec<f64> = points.iter().map(|p| p[axis]).collect();
+        let last = along.len() - 1;
+        [few, last - few].map(|n| *along.select_nth_unstable_by(n, f64::total_cmp).1)
+    });
+    // Halves, since the difference of the largest numbers overflows.
+    let extent = ends
+        .iter()
+        .map(|[low, high]| high / 2.0 - low / 2.0)
+        .fold(0.0, f64::max);
+    let near = |axis: usize, x: f64| {
+        let [low, high] = ends[axis];
+        low / 2.0 - x / 2.0 <= FAR * extent && x / 2.0 - high / 2.0 <= FAR * extent
+    };
+    let mut bounds = [ends.map(|[low, _]| low), ends.map(|[_, high]| high)];
+    for p in &points {
+        for axis in (0..3).filter(|&axis| near(axis, p[axis])) {
+            bounds[0][axis] = bounds[0][axis].min(p[axis]);
+            bounds[1][axis] = bounds[1][axis].max(p[axis]);
+        }
+    }
+    bounds
 }
 
 /// All cells from one corner to the other.
