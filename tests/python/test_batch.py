@@ -18,7 +18,7 @@ import sgmds
 from hypothesis import given
 from hypothesis import strategies as st
 from sgmds import archive, batch, correspondence
-from sgmds.batch import journal, manifest, processes, work
+from sgmds.batch import journal, manifest, processes, report, work
 from sgmds.batch.manifest import Batch, Pair, ShapeFile
 from sgmds.cli import main
 from sgmds.whole_file import clear_remains
@@ -415,6 +415,21 @@ def test_what_killed_workers_left_of_maps_is_removed(tmp_path):
     (tmp_path / ".a.npz.0000ffff.npz").rename(tmp_path / ".a.npz.0000ffff")
     archive.write(tmp_path / ".a.npz.89abcdef", correspondence.FORMAT, 1, faces=np.arange(1000))
     clear_remains([tmp_path / "a.npz", tmp_path / "none" / "b.npz"], correspondence.is_map)
+    assert {path.name for path in tmp_path.iterdir()} == kept
+
+
+def test_what_killed_workers_left_of_a_report_is_removed(tmp_path):
+    kept = {".pairs.csv.01234567", ".notes.csv.01234567", ".report.json.note", "pairs.csv"}
+    begun = {
+        ".pairs.csv.89abcdef": b"sour",
+        ".energy.csv.01234567": b"source,ant,cat\n",
+        ".distances.png.01234567": b"\x89PNG\r\n\x1a\n\0",
+        ".report.json.01234567": b'{\n "pairs": 34,',
+        ".report.json.89abcdef": b"",
+    }
+    for name, content in {**dict.fromkeys(kept, b"of somebody else"), **begun}.items():
+        (tmp_path / name).write_bytes(content)
+    clear_remains((tmp_path / name for name in report.NAMES), report.is_report)
     assert {path.name for path in tmp_path.iterdir()} == kept
 
 

@@ -106,6 +106,25 @@ def loose_triangle(v, f):
     return np.concatenate([v, v[:3] + 2]), np.concatenate([f, [[n, n + 1, n + 2]]]), {"dropped_components": 1}
 
 
+def stray_vertex(v, f):
+    """A slip of the hand."""
+    v = v.copy()
+    v[700] += 1e4
+    return v, f, {"stray_vertices": 1}
+
+
+def stray_vertices(v, f):
+    v = v.copy()
+    v[::300] += 20 * np.random.default_rng(0).normal(size=(len(v[::300]), 3))
+    return v, f, {"stray_vertices": len(v[::300])}
+
+
+def far_triangle(v, f):
+    """Of all the vertices' bounding box the body is a millionth."""
+    n = len(v)
+    return np.concatenate([v, v[:3] + 1e6]), np.concatenate([f, [[n, n + 1, n + 2]]]), {"dropped_components": 1}
+
+
 def cut_open(v, f):
     """Crown and feet cut away."""
     height = v[:, 2]
@@ -168,6 +187,9 @@ DAMAGE = {
                 second_body,
                 ground_plane,
                 loose_triangle,
+                stray_vertex,
+                stray_vertices,
+                far_triangle,
                 holes,
                 flipped,
                 duplicated,

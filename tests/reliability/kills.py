@@ -21,7 +21,7 @@ from pathlib import Path
 
 from sgmds import characters
 
-SOURCES, TARGETS, VERTICES = 2, 17, 500
+SOURCES, TARGETS, VERTICES = 2, 17, 120
 MANIFEST = """
 options = { method = "paper" }
 [[pairs]]

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ..whole_file import whole_file
+from ..whole_file import begins_with, whole_file
 from .manifest import Batch
 
 COLUMNS = ("status", "grade", "energy", "local_distortion", "orientation", "confidence", "unmatched")
@@ -22,6 +22,8 @@ MATRICES = {
 """Figures of a pair that are also written as a matrix, and what they are called in the picture."""
 NAMES = ("pairs.csv", *(f"{name}.csv" for name in MATRICES), "distances.png", "report.json")
 """Files of the report."""
+BEGINNINGS = (b"source,", b"\x89PNG\r\n\x1a\n", b'{\n "pairs": ')
+"""By which they are known: tables, the picture and the summary."""
 GRADES = ("green", "amber", "red")
 FORMULA = ("=", "+", "-", "@", "\t", "\r")
 """What programs of tables take for the beginning of a formula (OWASP, CSV Injection)."""
@@ -85,6 +87,11 @@ def write(batch: Batch, records: Iterable[tuple[int, dict | None]]) -> dict:
     with whole_file(batch.folder / "report.json") as file:
         file.write(json.dumps(summary, indent=1, ensure_ascii=False) + "\n")
     return summary
+
+
+def is_report(path: Path) -> bool:
+    """Whether a file is one of a report, or the beginning of one."""
+    return any(begins_with(path, beginning) for beginning in BEGINNINGS)
 
 
 def _cell(value):

@@ -110,6 +110,7 @@ def run(
             effort = _follow(batch, kept, outcomes, count, progress, tell)
             pairs = map(batch.pair, range(len(batch)))
             clear_remains((pair.map for pair in pairs if pair.map is not None), is_map)
+            clear_remains((batch.folder / name for name in report.NAMES), report.is_report)
             summary = report.write(batch, kept.records())
         effort |= {"jobs": jobs, "threads": threads, "scheduler": scheduler_address}
         with open(batch.folder / RUNS, "a", encoding="utf-8") as file:
