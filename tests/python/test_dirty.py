@@ -122,7 +122,8 @@ def stray_vertices(v, f):
 def far_triangle(v, f):
     """Of all the vertices' bounding box the body is a millionth."""
     n = len(v)
-    return np.concatenate([v, v[:3] + 1e6]), np.concatenate([f, [[n, n + 1, n + 2]]]), {"dropped_components": 1}
+    far = np.concatenate([v, v[:3] + 1e6])
+    return far, np.concatenate([f, [[n, n + 1, n + 2]]]), {"dropped_components": 1}
 
 
 def cut_open(v, f):
