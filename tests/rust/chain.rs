@@ -1,7 +1,5 @@
 //! The whole chain on surfaces whose map is known.
 
-mod common;
-
 use std::sync::Arc;
 
 use sgmds_core::Error;
@@ -14,7 +12,7 @@ use sgmds_core::mesh::boundary;
 use sgmds_core::shape::Shape;
 use sgmds_core::watch::progress::Progress;
 
-use common::{Point, disguised, icosphere, length, lumpy, sub};
+use crate::common::{Point, disguised, icosphere, length, lumpy, sub};
 
 fn prepared(vertices: &[Point], faces: &[[i64; 3]]) -> Arc<Shape> {
     let progress = Progress::default();

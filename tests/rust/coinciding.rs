@@ -1,8 +1,6 @@
 //! Surfaces that lie on one another as they were given.
 
-mod common;
-
-use common::lumpy;
+use crate::common::lumpy;
 use sgmds_core::matching::problem::pair::Coverage;
 use sgmds_core::matching::refinement::coinciding::coinciding;
 use sgmds_core::shape::Shape;

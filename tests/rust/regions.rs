@@ -1,8 +1,6 @@
 //! The better of two maps, region by region.
 
-mod common;
-
-use common::lumpy;
+use crate::common::lumpy;
 use sgmds_core::algebra::vector::distance;
 use sgmds_core::matching::refinement::regions::better_elsewhere;
 use sgmds_core::shape::Shape;

@@ -1,6 +1,5 @@
 //! Any bytes are a mesh or a stored shape: the core ends, with a sound result or an error.
 
-mod common;
 #[path = "../fuzz/inputs.rs"]
 mod inputs;
 
@@ -71,7 +70,7 @@ fn mesh_of(vertices: &[[f64; 3]], faces: &[[i64; 3]]) -> Mesh {
 
 #[test]
 fn operator_of_every_kind_of_damage_is_sound() {
-    let (vertices, faces) = common::lumpy(3);
+    let (vertices, faces) = crate::common::lumpy(3);
     let n = vertices.len() as i64;
     let fin = |mut v: Vec<[f64; 3]>, mut f: Vec<[i64; 3]>| {
         v.push([3.0, 3.0, 3.0]);
@@ -168,7 +167,7 @@ fn moebius_strip_has_the_spectrum_of_its_band() {
 
 #[test]
 fn vertices_on_straight_edges_do_not_slit_the_surface() {
-    let (vertices, faces) = common::lumpy(3);
+    let (vertices, faces) = crate::common::lumpy(3);
     let whole = mesh_of(&vertices, &faces);
     let (mut v, mut f) = (vertices.clone(), faces.clone());
     for i in (0..faces.len()).step_by(4) {
@@ -197,7 +196,7 @@ fn vertices_on_straight_edges_do_not_slit_the_surface() {
 
 #[test]
 fn a_million_loose_triangles_are_counted_and_dropped() {
-    let (mut vertices, mut faces) = common::lumpy(3);
+    let (mut vertices, mut faces) = crate::common::lumpy(3);
     let n = vertices.len();
     for i in 0..1_000_000 {
         let p = [f64::from(i) * 1e-6, f64::from(i % 1000) * 1e-3, 5.0];
@@ -213,7 +212,7 @@ fn a_million_loose_triangles_are_counted_and_dropped() {
 
 #[test]
 fn a_ground_plane_larger_than_the_body_is_dropped() {
-    let (mut vertices, mut faces) = common::lumpy(3);
+    let (mut vertices, mut faces) = crate::common::lumpy(3);
     let alone = mesh_of(&vertices, &faces);
     let (n, m) = (vertices.len(), faces.len());
     let plane = [[-50.0, -50.0], [50.0, -50.0], [50.0, 50.0], [-50.0, 50.0]];
@@ -233,7 +232,7 @@ fn a_ground_plane_larger_than_the_body_is_dropped() {
         assert!(p.iter().zip(q).all(|(a, b)| (a - b).abs() < 1e-12));
     }
     // Of parts that are large enough the one with more area stays.
-    let (large, triangles) = common::icosphere(1);
+    let (large, triangles) = crate::common::icosphere(1);
     let first = vertices.len() as i64;
     vertices.extend(large.iter().map(|p| p.map(|x| 20.0 * x)));
     faces.extend(triangles.iter().map(|f| f.map(|v| v + first)));
@@ -245,7 +244,7 @@ fn a_ground_plane_larger_than_the_body_is_dropped() {
 
 #[test]
 fn messages_say_where_and_what_to_do() {
-    let (mut vertices, mut faces) = common::icosphere(2);
+    let (mut vertices, mut faces) = crate::common::icosphere(2);
     faces.push([0, 1, 900]);
     let refused = |v: &[[f64; 3]], f: &[[i64; 3]]| Mesh::new(v, f).unwrap_err();
     let error = refused(&vertices, &faces);

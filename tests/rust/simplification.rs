@@ -1,7 +1,5 @@
 //! Simplified meshes, and maps that are sought on them.
 
-mod common;
-
 use std::collections::HashMap;
 use std::sync::Arc;
 
@@ -13,7 +11,7 @@ use sgmds_core::shape::full_resolution::FullResolution;
 use sgmds_core::shape::{SIMPLIFIED_ABOVE, Shape};
 use sgmds_core::watch::progress::Progress;
 
-use common::{Point, icosphere, length, lumpy, sub};
+use crate::common::{Point, icosphere, length, lumpy, sub};
 
 /// Vertices less edges plus faces, and how many edges have one face.
 fn euler_and_border(vertices: usize, faces: &[[u32; 3]]) -> (i64, usize) {
@@ -58,7 +56,7 @@ fn a_sphere_stays_a_sphere_with_even_triangles() {
     let area: f64 = (0..coarse.faces.len())
         .map(|f| {
             let [a, b, c] = coarse.faces[f].map(at);
-            length(common::cross(sub(b, a), sub(c, a))) / 2.0
+            length(crate::common::cross(sub(b, a), sub(c, a))) / 2.0
         })
         .sum();
     assert!(area < 1.0 && area > 0.98, "{area}");
@@ -128,7 +126,7 @@ fn a_border_shrinks_along_itself() {
         .iter()
         .map(|f| {
             let [a, b, c] = f.map(|v| mesh.vertices[coarse.kept[v as usize] as usize]);
-            common::cross(sub(b, a), sub(c, a))[2] / 2.0
+            crate::common::cross(sub(b, a), sub(c, a))[2] / 2.0
         })
         .sum();
     // Only corners may be cut off, each by a triangle of the coarse mesh at most.

@@ -1,7 +1,5 @@
 //! Distance operator and S-GMDS objective against closed forms.
 
-mod common;
-
 use std::f64::consts::PI;
 
 use faer::Mat;
@@ -12,7 +10,7 @@ use sgmds_core::spectrum::eigenbasis::Eigenbasis;
 use sgmds_core::spectrum::laplacian::Laplacian;
 use sgmds_core::watch::progress::Progress;
 
-use common::icosphere;
+use crate::common::icosphere;
 
 struct Sphere {
     basis: Eigenbasis,

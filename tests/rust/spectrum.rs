@@ -3,8 +3,6 @@
 // Indices of these meshes are far below 2^63; equal to the bit is what is claimed.
 #![allow(clippy::cast_possible_wrap, clippy::float_cmp)]
 
-mod common;
-
 use std::f64::consts::PI;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -14,7 +12,7 @@ use sgmds_core::spectrum::eigenbasis::{Eigenbasis, RESIDUAL_BOUND};
 use sgmds_core::spectrum::laplacian::Laplacian;
 
 fn icosphere(subdivisions: usize) -> Mesh {
-    let (vertices, faces) = common::icosphere(subdivisions);
+    let (vertices, faces) = crate::common::icosphere(subdivisions);
     Mesh::new(&vertices, &faces).unwrap()
 }
 
@@ -193,7 +191,7 @@ fn sparse_and_dense_solvers_agree() {
 /// coupled so strongly that neither settles alone. Neither changes the surface.
 #[test]
 fn tiny_triangles_leave_the_spectrum() {
-    let (vertices, faces) = common::icosphere(4);
+    let (vertices, faces) = crate::common::icosphere(4);
     let whole = Mesh::new(&vertices, &faces).unwrap();
     let (mut vertices, mut faces) = (whole.vertices.clone(), faces);
     for face in (0..faces.len()).step_by(200) {

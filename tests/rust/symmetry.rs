@@ -1,8 +1,6 @@
 //! The own mirror symmetry of a surface.
 
-mod common;
-
-use common::{icosphere, limbed, lumpy};
+use crate::common::{icosphere, limbed, lumpy};
 use sgmds_core::matching::symmetry::{counted, mirror_offsets};
 use sgmds_core::shape::Shape;
 use sgmds_core::watch::progress::Progress;
@@ -31,7 +29,8 @@ fn offsets_are_distances_to_the_mirrored_vertices() {
         .expect("the figure is symmetric");
     let mirrored = |v: usize| {
         let [x, y, z] = shape.mesh.vertices[v];
-        let gap = |u: &usize| common::length(common::sub(shape.mesh.vertices[*u], [-x, y, z]));
+        let gap =
+            |u: &usize| crate::common::length(common::sub(shape.mesh.vertices[*u], [-x, y, z]));
         (0..offsets.len())
             .min_by(|a, b| gap(a).total_cmp(&gap(b)))
             .expect("there are vertices")
