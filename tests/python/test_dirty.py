@@ -252,6 +252,17 @@ def test_damaged_source(body, clean_map, source):
         assert 100 * apart.mean() / np.sqrt(area) < SAME
 
 
+@pytest.mark.parametrize("scales", [((1, 1, 3), (1, 2, 0.5)), ((3, 1, 1), (0.5, 2, 1))])
+def test_bodies_of_other_proportions_are_met_or_not_praised(body, scales):
+    """Scaled unevenly one body is two, of which a map may well be wrong: then the grade must not be green."""
+    source, target = (body.vertices * scale for scale in scales)
+    order = np.random.default_rng(1).permutation(len(target))
+    faces = np.argsort(order)[body.faces]
+    corr = sgmds.match((source, body.faces), (target[order], faces))
+    shape = sgmds.Shape(source, body.faces)
+    assert corr.quality.grade != "green" or difference(shape, corr.vertices, order) < ALIKE
+
+
 def bent(vertices, value):
     vertices = vertices.copy()
     vertices[7, 1] = value
