@@ -154,7 +154,7 @@ fn classes(
 ) -> (Vec<u32>, Vec<u32>) {
     let is_finite = |p: &Point| p.iter().all(|x| x.is_finite());
     let corners = faces.iter().flatten().map(|&v| vertices[v as usize]);
-    let [low, high] = bulk(corners.filter(is_finite).collect());
+    let [low, high] = bulk(&corners.filter(is_finite).collect::<Vec<_>>());
     // Halves, since the difference of the largest numbers overflows.
     let half = [0, 1, 2].map(|i| (high[i] / 2.0 - low[i] / 2.0).max(0.0));
     let reach = half.into_iter().fold(0.0, f64::max) * 2.0;
@@ -196,7 +196,7 @@ fn classes(
 
 /// The bounding box of points, but for those so far out that they say nothing of the size of the rest: beyond [`FAR`]
 /// times the largest extent of all but a hundredth at either end of each axis.
-fn bulk(points: Vec<Point>) -> [Point; 2] {
+fn bulk(points: &[Point]) -> [Point; 2] {
     if points.is_empty() {
         return [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     }
@@ -216,7 +216,7 @@ fn bulk(points: Vec<Point>) -> [Point; 2] {
         low / 2.0 - x / 2.0 <= FAR * extent && x / 2.0 - high / 2.0 <= FAR * extent
     };
     let mut bounds = [ends.map(|[low, _]| low), ends.map(|[_, high]| high)];
-    for p in &points {
+    for p in points {
         for axis in (0..3).filter(|&axis| near(axis, p[axis])) {
             bounds[0][axis] = bounds[0][axis].min(p[axis]);
             bounds[1][axis] = bounds[1][axis].max(p[axis]);
