@@ -11,6 +11,7 @@ The zip depends on the files alone, not on time or folder.
 import argparse
 import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
@@ -49,6 +50,8 @@ def build_wheel(folder):
     program = str(maturin) if maturin.exists() else "maturin"
     cargo = Path(os.environ.get("CARGO_HOME", Path.home() / ".cargo")) / "bin"
     environment = {**os.environ, "PATH": f"{os.environ['PATH']}{os.pathsep}{cargo}"}
+    if not shutil.which("cargo", path=environment["PATH"]):
+        raise SystemExit("Please install Rust first (https://rustup.rs): the wheel is built from it")
     subprocess.run(
         [program, "build", "--release", "--out", str(folder)],
         cwd=ROOT,
