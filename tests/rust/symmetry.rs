@@ -29,8 +29,9 @@ fn offsets_are_distances_to_the_mirrored_vertices() {
         .expect("the figure is symmetric");
     let mirrored = |v: usize| {
         let [x, y, z] = shape.mesh.vertices[v];
-        let gap =
-            |u: &usize| crate::common::length(common::sub(shape.mesh.vertices[*u], [-x, y, z]));
+        let gap = |u: &usize| {
+            crate::common::length(crate::common::sub(shape.mesh.vertices[*u], [-x, y, z]))
+        };
         (0..offsets.len())
             .min_by(|a, b| gap(a).total_cmp(&gap(b)))
             .expect("there are vertices")
