@@ -2,6 +2,9 @@
 
     .venv/bin/python .ci/face_benchmark.py MAKEHUMAN [--pairs NAME …] [--keys NAME …] [--json OUT]
 
+    .venv/bin/python .ci/face_benchmark.py MAKEHUMAN --keys all --json OUT.json
+    .venv/bin/python .ci/tables.py --record OUT.json --machine TEXT
+
 MAKEHUMAN is a folder with MakeHuman's CC0 sources: `base.obj`, `targets/macrodetails`,
 `targets/expression/units/caucasian` and `base/proxymeshes`. A target displaces the same vertices on every
 body, so a face unit is the truth for every other body, and through the bindings of a proxy for other
@@ -259,7 +262,7 @@ def pairs_of(makehuman):
     }
 
 
-def measured(source, target, keys, sheets, makehuman):
+def measured(source, target, keys, sheets, makehuman, keep_contacts=True):
     """Rows of figures for each key of a pair, and of the pair."""
     start, worked = time.perf_counter(), time.process_time()
     found = sgmds.match(source.mesh, target.mesh)
@@ -267,11 +270,13 @@ def measured(source, target, keys, sheets, makehuman):
     worked = time.process_time() - worked
     way = sgmds.SurfaceMap.of(found, source.mesh, target.mesh)
     scale = np.linalg.norm(np.ptp(target.vertices, axis=0)) / np.linalg.norm(np.ptp(source.vertices, axis=0))
-    rows = {}
+    rows, carrying = {}, 0.0
     for name, unit in keys.items():
         moved = in_metres(makehuman.target(UNITS + unit))
-        right = target.carried(moved)
-        made = way.displacements(source.carried(moved))
+        right, offsets = target.carried(moved), source.carried(moved)
+        start = time.perf_counter()
+        made = way.displacements(offsets, keep_contacts=keep_contacts)
+        carrying += time.perf_counter() - start
         turn = aligned(source, target)
         right, size = right @ turn.T, np.linalg.norm(right, axis=1) * np.linalg.norm(turn[0])
         most = size > MOVING * size.max()
@@ -293,7 +298,9 @@ def measured(source, target, keys, sheets, makehuman):
         exchanged.append(int(((side * target.carried(sheet)) < -0.5).sum()))
     place = np.einsum("ij,ijc->ic", images[0], source.vertices[images[1]])
     pair = {
+        "vertices": [len(source.vertices), len(target.vertices)],
         "seconds": seconds,
+        "seconds a key": carrying / len(keys),
         "CPU seconds": worked,
         "lids": exchanged[0],
         "lips": exchanged[1],
@@ -343,6 +350,7 @@ def main():
     parser.add_argument("makehuman", help="folder with MakeHuman's sources")
     parser.add_argument("--pairs", nargs="*", help="pairs to measure, all by default")
     parser.add_argument("--keys", nargs="*", help="blink, smile, jawOpen by default; `all` face units")
+    parser.add_argument("--open", action="store_true", help="keys carried without keeping contacts")
     parser.add_argument("--json", help="file for the figures")
     options = parser.parse_args()
     makehuman = MakeHuman(options.makehuman)
@@ -355,7 +363,7 @@ def main():
     sheets, pairs, table = Sheets(makehuman), pairs_of(makehuman), {}
     for name in options.pairs or pairs:
         source, target = pairs[name]()
-        rows, pair = measured(source, target, keys, sheets, makehuman)
+        rows, pair = measured(source, target, keys, sheets, makehuman, not options.open)
         table[name] = {"keys": rows, "pair": pair}
         print(
             f"{name}: {len(source.vertices)} → {len(target.vertices)} vertices, {pair['seconds']:.2f} s "
@@ -371,7 +379,7 @@ def main():
                 flush=True,
             )
     if options.json:
-        Path(options.json).write_text(json.dumps(table, indent=1))
+        Path(options.json).write_text(json.dumps({"faces": table}, indent=1, ensure_ascii=False))
 
 
 if __name__ == "__main__":

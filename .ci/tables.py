@@ -5,9 +5,9 @@
     python .ci/tables.py --record OUT.json [--reverse] [--machine TEXT]
 
 With --check the exit status is 1 when a page and the results differ. --record takes over what
-`sgmds evaluate --json OUT.json` wrote (--reverse: of wholes against parts), or `sgmds bench --json OUT.json`
-(--machine: on which it ran), with date and commit: the one that was measured has to be checked out. A table
-stands between `<!-- table: NAME -->` and `<!-- end of table -->`.
+`sgmds evaluate --json OUT.json` wrote (--reverse: of wholes against parts), `.ci/face_benchmark.py`, or
+`sgmds bench --json OUT.json` (--machine: on which either of these ran), with date and commit: the one that
+was measured has to be checked out. A table is between `<!-- table: NAME -->` and `<!-- end of table -->`.
 """
 
 import argparse
@@ -18,10 +18,12 @@ import subprocess
 import sys
 from math import log
 from pathlib import Path
-from statistics import linear_regression, median
+from statistics import fmean, linear_regression, median
 
 ROOT = Path(__file__).resolve().parent.parent
 ACCURACY, SPEED = ROOT / "docs" / "results" / "accuracy.json", ROOT / "docs" / "results" / "speed.json"
+FACES = ROOT / "docs" / "results" / "faces.json"
+SHOWN_KEYS = ("eye-left-closure", "mouth-corner-puller", "mouth-open")
 BLOCK = re.compile(r"(<!-- table: (.+?) -->\n)(.*?)(<!-- end of table -->)", re.DOTALL)
 NOTHING = "–"
 # What exact distances say is quoted where it is recorded.
@@ -101,6 +103,26 @@ def accuracy() -> str:
     else:
         notes = [f"Recorded on {d} at `{c}`: {'; '.join(sets)}." for (d, c), sets in sorted(recorded.items())]
     return table(head, rows) + "\n" + "\n".join(notes) + "\n"
+
+
+# --------------------------------------------------------------------- faces
+
+
+def faces() -> str:
+    data, rows = read(FACES), []
+    for name, found in data["pairs"].items():
+        keys, pair = found["keys"], found["pair"]
+        closed = keys[SHOWN_KEYS[0]]["closed"]
+        rows.append(
+            [name, " → ".join(f"{n:,}" for n in pair["vertices"])]
+            + [f"{keys[key]['error %']:.0f}" for key in SHOWN_KEYS]
+            + [f"{fmean(key[what] for key in keys.values()):.0f}" for what in ("error %", "95 %", "angle")]
+            + [number(closed, 2), str(pair["lids"] + pair["lips"]), pair["grade"]]
+            + [f"{pair['CPU seconds']:.1f} s", f"{1000 * pair['seconds a key']:.0f} ms"]
+        )
+    head = ["pair", "vertices", "blink", "smile", "jaw open", "all keys", "95 %", "angle °", "lid gap closed"]
+    note = f"{len(keys)} keys. Recorded on {where(data)}."
+    return table([*head, "exchanged", "grade", "CPU, the pair", "a key"], rows) + f"\n{note}\n"
 
 
 # --------------------------------------------------------------------- speed
@@ -239,7 +261,7 @@ def tables() -> dict[str, str]:
     made = {f"one thread {p['vertices']}": one_thread(data, p["vertices"]) for p in data["one_thread"]}
     for make in (sizes, stages, peers, kernels, spread, goals):
         made[make.__name__] = make(data)
-    return made | {"accuracy": accuracy()}
+    return made | {"accuracy": accuracy(), "faces": faces()}
 
 
 # ----------------------------------------------------------------- recording
@@ -251,7 +273,13 @@ def record(path: Path, reverse: bool, machine: str | None) -> None:
     commit = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()
     when = {"commit": commit, "date": datetime.date.today().isoformat()}
     new = json.loads(path.read_text(encoding="utf-8"))
-    if isinstance(new, list):
+    if "faces" in new:
+        recorded = FACES
+        known = when | {
+            "machine": machine or sys.exit("--machine says on what it ran"),
+            "pairs": new["faces"],
+        }
+    elif isinstance(new, list):
         recorded, known = SPEED, read(SPEED)
         if not machine:
             sys.exit("--machine says on what the bench ran")
@@ -274,7 +302,7 @@ def main() -> int:
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--record", type=Path, metavar="OUT.json")
     parser.add_argument("--reverse", action="store_true", help="of wholes against parts")
-    parser.add_argument("--machine", help="on which the bench ran")
+    parser.add_argument("--machine", help="on which bench or benchmark ran")
     options = parser.parse_args()
     if options.record:
         record(options.record, options.reverse, options.machine)

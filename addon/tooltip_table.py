@@ -281,6 +281,13 @@ TOOLTIPS = (
         "动作幅度随所移动部分的大小缩放。关闭:仅旋转方向",
     ),
     (
+        "What a key brings together, as lids or lips, meets on the target too. Off, or where movements are "
+        "turned only: it may stay apart or overlap",
+        "まぶたや唇のように、キーで合わさる部分を転送先でも合わせます。オフのとき、または動きの向きだけを変える"
+        "ときは、離れたままになったり重なったりすることがあります",
+        "键使之相接的部分(如眼睑或嘴唇)在目标上也相接。关闭时,或仅旋转动作时:可能分开或重叠",
+    ),
+    (
         "Make no keys that move nothing on the target, as those of a face on a shirt. Keys that move "
         "nothing on the source are carried",
         "シャツに対する顔のキーのように、転送先で何も動かさないキーは作りません。転送元で動かないキーは転送"

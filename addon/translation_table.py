@@ -290,6 +290,7 @@ TABLE = (
     ("Other Objects", "その他のオブジェクト", "其他物体"),
     ("Fit Animation", "アニメーションを合わせる", "适配动画"),
     ("Scale Shape Keys", "シェイプキーを拡縮", "缩放形态键"),
+    ("Keep Contacts", "接触を保つ", "保持接触"),
     ("Leave Out Still Keys", "動かないキーを除外", "排除无变化的键"),
     ("Size", "サイズ", "尺寸"),
     ("Margin", "余白", "边距"),

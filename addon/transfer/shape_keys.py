@@ -45,7 +45,11 @@ def prepare(route, wanted, options):
     for block in blocks:
         delta = route.shown_places(read_key(block)) - route.shown_places(read_key(block.relative_key))
         delta = delta @ route.source_stretch
-        carried = route.map_as_seen.displacements(delta, turn_only=not options.scale_keys)
+        # What a key adds to another one meets from there, not from the places at rest.
+        meets = options.keep_contacts and block.relative_key == keys.reference_key
+        carried = route.map_as_seen.displacements(
+            delta, turn_only=not options.scale_keys, keep_contacts=meets
+        )
         offsets[block.name] = _in_mirrors(route, carried @ back)
         # A key that moves nothing on the source either is there for something else.
         if _reach(carried) < STILL * _reach(delta):
@@ -211,6 +215,12 @@ KIND = Kind(
             name="Scale Shape Keys",
             default=True,
             description="Make movements larger or smaller with the parts they move. Off: turn them only",
+        ),
+        "keep_contacts": BoolProperty(
+            name="Keep Contacts",
+            default=True,
+            description="What a key brings together, as lids or lips, meets on the target too. Off, or where "
+            "movements are turned only: it may stay apart or overlap",
         ),
         "skip_still": BoolProperty(
             name="Leave Out Still Keys",

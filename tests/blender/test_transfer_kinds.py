@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from conftest import choose, lumpy, new_object, renumbered, triangle_vertices, turned
 from mathutils import Matrix
-from test_transfer import ball, store_map, store_nearest, transfer, weights_of, without_data
+from test_transfer import ball, store_identity, store_map, store_nearest, transfer, weights_of, without_data
 
 from addon import mesh_read, notice
 from addon.mesh_write import read_attribute, write_attribute
@@ -1572,3 +1572,33 @@ def test_keys_that_move_nothing_on_the_target_are_left_out(scene):
     assert not offsets_of(target, "Own").any()
     transfer(source, target, kinds="keys", skip_still=False)
     assert "Low" in target.data.shape_keys.key_blocks and not notice.words
+
+
+def test_what_keys_bring_together_meets_unless_told_otherwise(scene):
+    """Two plates, farther apart on the target. A key upon another one is carried as it is."""
+    side = np.linspace(-1.0, 1.0, 17)
+    x, y = (c.ravel() for c in np.meshgrid(side, side))
+    cell = np.add.outer(17 * np.arange(16), np.arange(16)).ravel()
+    low = np.stack([cell, cell + 1, cell + 18, cell + 17], 1)
+    faces = np.concatenate([low, low[:, ::-1] + len(x)])
+    n, middle = len(x), len(x) + len(x) // 2
+    source, target = (
+        new_object(
+            name,
+            np.concatenate([np.stack([x, y, 0.0 * x], 1), np.stack([x, y, gap + 0.0 * x], 1)]),
+            faces.tolist(),
+        )
+        for name, gap in (("Source", 1.0), ("Target", 1.5))
+    )
+    store_identity(source, target)
+    down = np.zeros((2 * n, 3))
+    down[n:, 2] = -0.98 * np.sqrt(np.maximum(1.0 - (x**2 + y**2) / 0.7, 0.0))
+    add_key(source, "Shut", down)
+    add_key(source, "Upon", 2.0 * down).relative_key = source.data.shape_keys.key_blocks["Shut"]
+    for option, wanted in (({}, -0.98 * 1.5), ({"keep_contacts": False}, -0.98)):
+        transfer(source, target, kinds="keys", **option)
+        # Corrections are averaged over half an edge, a fourteenth of the way over which they fade.
+        shut = offsets_of(target, "Shut")
+        assert shut[middle, 2] == pytest.approx(wanted, abs=0.03)
+        assert not shut[:n].any()
+        assert offsets_of(target, "Upon")[middle, 2] == pytest.approx(-0.98, abs=1e-5)

@@ -94,6 +94,38 @@ def test_displacements_turn_and_grow_with_the_body(character):
     np.testing.assert_allclose(way.displacements(field, turn_only=True), field[old] @ turn.T, atol=1e-9)
 
 
+def test_what_a_key_brings_together_meets_on_a_wider_body():
+    """Two plates that face each other, in the target half as far apart again."""
+    side = np.linspace(-1.0, 1.0, 17)
+    x, y = (c.ravel() for c in np.meshgrid(side, side))
+    cell = np.add.outer(17 * np.arange(16), np.arange(16)).ravel()
+    low = np.concatenate(
+        [np.stack([cell, cell + 1, cell + 18], 1), np.stack([cell, cell + 18, cell + 17], 1)]
+    )
+    faces = np.concatenate([low, low[:, ::-1] + len(x)])
+
+    def plates(gap):
+        return np.concatenate([np.stack([x, y, 0.0 * x], 1), np.stack([x, y, gap + 0.0 * x], 1)])
+
+    triangle, corner = np.empty(2 * len(x), int), np.empty(2 * len(x), int)
+    for k in range(3):
+        triangle[faces[:, k]], corner[faces[:, k]] = np.arange(len(faces)), k
+    way = sgmds.SurfaceMap((plates(1.0), faces), (plates(1.5), faces), triangle, np.eye(3)[corner])
+    key = np.zeros((2 * len(x), 3))
+    key[len(x) :, 2] = -0.98 * np.sqrt(np.maximum(1.0 - (x**2 + y**2) / 0.7, 0.0))
+    middle = len(x) + len(x) // 2
+    kept, plain = way.displacements(key), way.displacements(key, keep_contacts=False)
+    np.testing.assert_allclose(plain, key, atol=1e-9)
+    # Corrections are averaged over half an edge, a fourteenth of the way over which they fade.
+    assert kept[middle, 2] == pytest.approx(-0.98 * 1.5, abs=0.03)
+    np.testing.assert_array_equal(kept[key[:, 2] == 0.0], 0.0)
+    np.testing.assert_array_equal(way.displacements(key, turn_only=True)[middle], plain[middle])
+    # Nothing meets at half of the key, which is carried as it is.
+    np.testing.assert_array_equal(way.displacements(key / 2), way.displacements(key / 2, keep_contacts=False))
+    both = way.displacements(np.stack([key, key]), keep_contacts=False)
+    np.testing.assert_array_equal(both, np.stack([plain, plain]))
+
+
 def test_a_mirrored_map_mirrors_what_it_carries(character):
     """A left half moved to the right: directions along the mirror's axis turn round, joints go across."""
     vertices, faces = character.vertices, character.faces

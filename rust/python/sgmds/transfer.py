@@ -357,19 +357,24 @@ class SurfaceMap:
         )
         return SurfaceMap._made(self._core.guided(source, target, *heads), *bodies)
 
-    def displacements(self, offsets: ArrayLike, turn_only: bool = False) -> Floats:
+    def displacements(
+        self, offsets: ArrayLike, turn_only: bool = False, *, keep_contacts: bool = True
+    ) -> Floats:
         """Shape keys: displacements (n_source, 3), or of several keys (keys, n_source, 3), of the source's
         vertices from where they rest.
 
         They are turned and scaled as the map does around each vertex; `turn_only` keeps their length. A
-        vertex whose image does not move stays exactly still.
+        vertex whose image does not move stays exactly still. With `keep_contacts` what a key brings
+        together on the source, as lids in a blink, meets on the target too: of each gap it leaves the share
+        that it leaves there, or up to a quarter less. Without it, and with `turn_only`, keys are linear in
+        the displacements.
         """
         offsets = checked_array("offsets", offsets, None, ...)
         if offsets.ndim == 3:
-            keys = [self.displacements(key, turn_only) for key in offsets]
+            keys = [self.displacements(key, turn_only, keep_contacts=keep_contacts) for key in offsets]
             return np.array(keys).reshape(len(keys), self._target_count, 3)
         offsets = _finite("offsets", checked_array("offsets", offsets, np.float64, self._source_count, 3))
-        return self._core.displacements(offsets, turn_only)
+        return self._core.displacements(offsets, turn_only, keep_contacts)
 
     def layout(self, face_starts: ArrayLike, corner_vertices: ArrayLike, uv: ArrayLike) -> Layout:
         """A UV map, given at the corners of the source's triangles (m, 3, 2), at the target's face corners.

@@ -9,6 +9,7 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgmds_core::Error;
+use sgmds_core::transfer::contacts;
 use sgmds_core::transfer::corners::{self, CornerValues, Polygons};
 use sgmds_core::transfer::diffusion::Diffusion;
 use sgmds_core::transfer::joints::fitted_joints;
@@ -388,10 +389,15 @@ impl SurfaceMap {
         py: Python<'py>,
         offsets: PyReadonlyArray2<'py, f64>,
         turn_only: bool,
+        keep_contacts: bool,
     ) -> PyResult<Array2<'py, f64>> {
         let (map, offsets) = (Arc::clone(&self.map), triples(&offsets)?);
         let carried = watched(py, None, None, move |_| {
-            displacement::displacements(&map, &offsets, turn_only)
+            let carried = displacement::displacements(&map, &offsets, turn_only)?;
+            if keep_contacts && !turn_only {
+                return contacts::kept(&map, &offsets, carried);
+            }
+            Ok(carried)
         })?;
         table(py, carried)
     }
