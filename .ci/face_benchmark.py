@@ -270,13 +270,11 @@ def measured(source, target, keys, sheets, makehuman, keep_contacts=True):
     worked = time.process_time() - worked
     way = sgmds.SurfaceMap.of(found, source.mesh, target.mesh)
     scale = np.linalg.norm(np.ptp(target.vertices, axis=0)) / np.linalg.norm(np.ptp(source.vertices, axis=0))
-    rows, carrying = {}, 0.0
+    rows = {}
     for name, unit in keys.items():
         moved = in_metres(makehuman.target(UNITS + unit))
         right, offsets = target.carried(moved), source.carried(moved)
-        start = time.perf_counter()
         made = way.displacements(offsets, keep_contacts=keep_contacts)
-        carrying += time.perf_counter() - start
         turn = aligned(source, target)
         right, size = right @ turn.T, np.linalg.norm(right, axis=1) * np.linalg.norm(turn[0])
         most = size > MOVING * size.max()
@@ -300,7 +298,6 @@ def measured(source, target, keys, sheets, makehuman, keep_contacts=True):
     pair = {
         "vertices": [len(source.vertices), len(target.vertices)],
         "seconds": seconds,
-        "seconds a key": carrying / len(keys),
         "CPU seconds": worked,
         "lids": exchanged[0],
         "lips": exchanged[1],

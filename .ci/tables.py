@@ -118,11 +118,11 @@ def faces() -> str:
             + [f"{keys[key]['error %']:.0f}" for key in SHOWN_KEYS]
             + [f"{fmean(key[what] for key in keys.values()):.0f}" for what in ("error %", "95 %", "angle")]
             + [number(closed, 2), str(pair["lids"] + pair["lips"]), pair["grade"]]
-            + [f"{pair['CPU seconds']:.1f} s", f"{1000 * pair['seconds a key']:.0f} ms"]
+            + [f"{pair['CPU seconds']:.1f} s"]
         )
     head = ["pair", "vertices", "blink", "smile", "jaw open", "all keys", "95 %", "angle °", "lid gap closed"]
     note = f"{len(keys)} keys. Recorded on {where(data)}."
-    return table([*head, "exchanged", "grade", "CPU, the pair", "a key"], rows) + f"\n{note}\n"
+    return table([*head, "exchanged", "grade", "CPU time"], rows) + f"\n{note}\n"
 
 
 # --------------------------------------------------------------------- speed
