@@ -7,11 +7,11 @@
 //!
 //! (h′·h) / ‖h‖² = (g′·g) / ‖g‖²,
 //!
-//! or less by [`OVERLAP`] at most. Both sides make up for what is missing in proportion to how far they move, so that a lower lid that stands still stays
-//! still. The corrections c minimise Σ aᵢmᵢ‖cᵢ − tᵢ‖² + ℓ² Σ ½wᵢⱼ‖cᵢ − cⱼ‖² around the contacts, t what a vertex is to make
-//! up for, m how closely its points meet, a areas, w cotangent weights and ℓ half an edge; they end where the key ends, and at
-//! [`REACH`] gaps from the contacts. So keys that bring nothing together stay as they are, copies stay exact, and keys whose
-//! contacts lie apart keep their sums.
+//! or less by [`OVERLAP`] at most. Both sides make up for what is missing in proportion to how far they move, so that a lower
+//! lid that stands still stays still. The corrections c minimise Σ aᵢmᵢ‖cᵢ − tᵢ‖² + ℓ² Σ ½wᵢⱼ‖cᵢ − cⱼ‖² around the contacts,
+//! t what a vertex is to make up for, m how closely its points meet, a areas, w cotangent weights and ℓ half an edge; they
+//! end where the key ends, and at [`REACH`] gaps from the contacts. So keys that bring nothing together stay as they are,
+//! copies stay exact, and keys whose contacts lie apart keep their sums.
 
 use rayon::prelude::*;
 
