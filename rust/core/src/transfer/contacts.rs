@@ -276,9 +276,9 @@ impl Room {
             high: [f64::NEG_INFINITY; 3],
         };
         for p in points {
-            for c in 0..3 {
-                room.low[c] = room.low[c].min(p[c] - margin);
-                room.high[c] = room.high[c].max(p[c] + margin);
+            for (c, x) in p.into_iter().enumerate() {
+                room.low[c] = room.low[c].min(x - margin);
+                room.high[c] = room.high[c].max(x + margin);
             }
         }
         (room.low[0] <= room.high[0]).then_some(room)
