@@ -22,7 +22,7 @@ import addon  # noqa: E402
 SKIN_ERROR_BOUND = 4.0
 NEAR_BONE_BOUND = 0.9
 OUTFIT = ("Coat", "Buttons", "Leggings", "Boots", "Satchel")
-TAKEN_OFF = ("Shirt", "Trousers", "Belt", "Shoes", "Beanie")
+TAKEN_OFF = ("Shirt", "Trousers", "Belt", "Shoes")
 STEP = 1.12
 STRIDE = 8
 """Frame of the walk that the picture shows."""
@@ -30,7 +30,9 @@ STRIDE = 8
 
 def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--output", type=Path, default=ROOT / "build", help="folder for demo.blend and demo.png")
+    parser.add_argument(
+        "--output", type=Path, default=ROOT / "build", help="folder for demo.blend and demo.png"
+    )
     parser.add_argument("--samples", type=int, default=16, help="Cycles samples; 0 leaves the picture out")
     options = parser.parse_args()
     options.output.mkdir(parents=True, exist_ok=True)
@@ -46,7 +48,7 @@ def main() -> int:
     for actor in (mia, bruno):
         print(f"  {actor.person.name}: {len(actor.meshes)} pieces, {vertices(actor)} vertices")
     bpy.context.scene.frame_set(STRIDE)
-    as_he_comes = studio.statue(bruno.objects, -0.5 * STEP, "As he comes")
+    studio.statue(bruno.objects, -0.5 * STEP, "As he comes")
 
     print("matching …", flush=True)
     choose(mia, bruno)
@@ -57,7 +59,9 @@ def main() -> int:
     near = truth.near_bone_share(mia, bruno)
     grade = bruno.meshes["Head"].data.spectral_match.grade
     print(f"  {seconds:.1f} s, graded {grade.lower()}")
-    print(f"  skin: mean error {errors.mean():.2f} % of the height, 95 % below {np.quantile(errors, 0.95):.2f} %")
+    print(
+        f"  skin: mean error {errors.mean():.2f} % of the height, 95 % below {np.quantile(errors, 0.95):.2f} %"
+    )
     print(f"  all pieces: {near:.1%} of the vertices on the right bone or its neighbour")
 
     print("transferring weights, rig, walk, keys and texture …", flush=True)

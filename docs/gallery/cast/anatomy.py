@@ -13,7 +13,6 @@ from functools import cached_property
 
 import numpy as np
 
-from . import sculpt
 from .sculpt import blend, bounded, box, carve, common, ellipsoid, mirrored, round_cone
 
 FINGERS = ("thumb", "index", "middle", "ring", "little")
@@ -65,7 +64,14 @@ def _skeleton() -> list[Bone]:
     way = 0.72 * along + 0.66 * front + 0.22 * across
     way /= np.linalg.norm(way)
     add("thumb_1.L", "hand.L", base, base + 0.036 * way, 0.0155, 0.0135)
-    add("thumb_2.L", "thumb_1.L", base + 0.036 * way, base + 0.036 * way + 0.030 * along + 0.01 * front, 0.0135, 0.0115)
+    add(
+        "thumb_2.L",
+        "thumb_1.L",
+        base + 0.036 * way,
+        base + 0.036 * way + 0.030 * along + 0.01 * front,
+        0.0135,
+        0.0115,
+    )
     add("thigh.L", "hips", (0.080, 0.01, 0.79), (0.090, 0.0, 0.44), 0.085, 0.056)
     add("shin.L", "thigh.L", (0.090, 0.0, 0.44), (0.096, 0.02, 0.085), 0.055, 0.036)
     add("foot.L", "shin.L", (0.096, 0.02, 0.085), (0.106, -0.085, 0.032), 0.042, 0.034)
@@ -125,7 +131,11 @@ def head_solid():
     skull = blend(0.05, skull, ellipsoid((0, -0.098, 1.264), (0.040, 0.036, 0.030)))
     # Shallow orbits, so that the brow stands out.
     skull = carve(0.03, skull, ellipsoid((0.060, -0.150, 1.410), (0.042, 0.022, 0.042)))
-    nose = blend(0.012, ellipsoid((0, -0.156, 1.362), (0.021, 0.024, 0.018)), round_cone((0, -0.125, 1.42), (0, -0.148, 1.368), 0.010, 0.012))
+    nose = blend(
+        0.012,
+        ellipsoid((0, -0.156, 1.362), (0.021, 0.024, 0.018)),
+        round_cone((0, -0.125, 1.42), (0, -0.148, 1.368), 0.010, 0.012),
+    )
     skull = blend(0.022, skull, nose)
     lean = np.array([(0.90, 0.30, 0.30), (-0.36, 0.92, 0.14), (-0.23, -0.25, 0.94)])
     lean, _ = np.linalg.qr(lean.T)
@@ -137,7 +147,9 @@ def head_solid():
     lip = ellipsoid(MOUTH + (0, -0.002, -0.002), (0.054, 0.030, 0.030))
     skull = blend(0.030, skull, lip)
     hollow = ellipsoid(MOUTH + (0, -0.022, 0.004), (0.039, 0.046, 0.020))
-    return carve(0.014, skull, common(0.014, hollow, lambda p: p[:, 2] - MOUTH[2] - 0.004 - 7.0 * p[:, 0] ** 2))
+    return carve(
+        0.014, skull, common(0.014, hollow, lambda p: p[:, 2] - MOUTH[2] - 0.004 - 7.0 * p[:, 0] ** 2)
+    )
 
 
 def neck_solid():
@@ -168,7 +180,9 @@ def foot_solid():
         round_cone(ball, toe, 0.036, 0.029),
         round_cone(ankle, ball + (0, 0.02, 0.012), 0.036, 0.030),
     )
-    return bounded(common(0.012, foot, lambda points: 0.002 - points[:, 2]), (0.04, -0.20, 0.0), (0.16, 0.08, 0.15))
+    return bounded(
+        common(0.012, foot, lambda points: 0.002 - points[:, 2]), (0.04, -0.20, 0.0), (0.16, 0.08, 0.15)
+    )
 
 
 def arm_solid():
@@ -200,7 +214,12 @@ def hand_solid():
     union = fingers[0]
     for finger in fingers[1:]:
         union = blend(0.003, union, finger)
-    reach = [each for bone in SKELETON if bone.parent == "hand.L" or "_2.L" in bone.name for each in (bone.head, bone.tail)]
+    reach = [
+        each
+        for bone in SKELETON
+        if bone.parent == "hand.L" or "_2.L" in bone.name
+        for each in (bone.head, bone.tail)
+    ]
     reach.append(wrist - 0.05 * along)
     hand = blend(0.010, palm, union)
     return bounded(hand, np.min(reach, axis=0) - 0.03, np.max(reach, axis=0) + 0.03)

@@ -33,7 +33,11 @@ def step(values, at, width):
 def grain(points, fine: float):
     """A soft pattern without direction, in −1…1."""
     x, y, z = (fine * points).T
-    return (np.sin(x + 1.7 * np.sin(0.7 * y)) + np.sin(1.3 * y + 1.9 * np.sin(0.8 * z)) + np.sin(1.1 * z + 1.3 * np.sin(x))) / 3
+    return (
+        np.sin(x + 1.7 * np.sin(0.7 * y))
+        + np.sin(1.3 * y + 1.9 * np.sin(0.8 * z))
+        + np.sin(1.1 * z + 1.3 * np.sin(x))
+    ) / 3
 
 
 def skin(tone, blush, lips, freckles=False):
@@ -47,16 +51,30 @@ def skin(tone, blush, lips, freckles=False):
             colours = mixed(colours, blush, 0.35 * near(points, tip, (0.016,) * 3))
         if freckles:
             rng = np.random.default_rng(4)
-            for x, z, size in zip(rng.uniform(0.012, 0.092, 15), rng.uniform(1.342, 1.374, 15), rng.uniform(0.0016, 0.0028, 15), strict=True):
+            for x, z, size in zip(
+                rng.uniform(0.012, 0.092, 15),
+                rng.uniform(1.342, 1.374, 15),
+                rng.uniform(0.0016, 0.0028, 15),
+                strict=True,
+            ):
                 front = points[:, 1] < -0.08
                 away = np.hypot(np.abs(points[:, 0]) - x, points[:, 2] - z)
-                colours = mixed(colours, np.array(tone) * (0.72, 0.58, 0.50), 0.75 * front * (1 - step(away, size, 0.0012)))
+                colours = mixed(
+                    colours,
+                    np.array(tone) * (0.72, 0.58, 0.50),
+                    0.75 * front * (1 - step(away, size, 0.0012)),
+                )
         x, y, z = (points - MOUTH).T
         rim = np.hypot(x / 0.043, (z - 0.002 - 3.0 * x**2) / 0.0205)
         front = step(-y, 0.004, 0.012)
         colours = mixed(colours, lips, 0.80 * front * np.exp(-(((rim - 0.90) / 0.22) ** 2)))
         # Inside of the mouth.
-        hollow = ((x / 0.038) ** 2 + ((z - 0.001) / 0.019) ** 2 < 0.8) & (y > -0.022) & (y < 0.06) & (normals[:, 1] < 0.9)
+        hollow = (
+            ((x / 0.038) ** 2 + ((z - 0.001) / 0.019) ** 2 < 0.8)
+            & (y > -0.022)
+            & (y < 0.06)
+            & (normals[:, 1] < 0.9)
+        )
         return mixed(colours, (0.30, 0.07, 0.07), 1.0 * hollow)
 
     return brush
@@ -67,7 +85,11 @@ def underwear(tone, cloth):
 
     def brush(points, normals):
         trunk = np.abs(points[:, 0]) < 0.15
-        vest = trunk & (points[:, 2] < 1.09 + 0.6 * np.maximum(np.abs(points[:, 0]) - 0.05, 0)) & (points[:, 2] > 0.70)
+        vest = (
+            trunk
+            & (points[:, 2] < 1.09 + 0.6 * np.maximum(np.abs(points[:, 0]) - 0.05, 0))
+            & (points[:, 2] > 0.70)
+        )
         return mixed(flat(points, tone), cloth, 1.0 * vest)
 
     return brush
@@ -101,7 +123,11 @@ def eye(iris, rim):
 
 def lids(tone):
     def brush(points, normals):
-        return mixed(flat(points, np.array(tone) * 0.97), np.array(tone) * (0.86, 0.72, 0.70), near(points, EYE + (0, -0.02, 0.045), (0.05, 0.04, 0.02)))
+        return mixed(
+            flat(points, np.array(tone) * 0.97),
+            np.array(tone) * (0.86, 0.72, 0.70),
+            near(points, EYE + (0, -0.02, 0.045), (0.05, 0.04, 0.02)),
+        )
 
     return brush
 
@@ -133,12 +159,18 @@ def oilskin(colour, seam):
         front = (points[:, 1] < 0) & (points[:, 2] < 1.15)
         edge = np.exp(-(((np.abs(points[:, 0]) - 0.0215) / 0.0022) ** 2)) * front
         colours = mixed(colours, np.array(colour) * 0.62, 0.8 * edge)
-        stitch = np.exp(-(((points[:, 2] - 0.622) / 0.002) ** 2)) * (np.sin(260 * np.arctan2(points[:, 0], points[:, 1]) * 0.2) > -0.3)
+        stitch = np.exp(-(((points[:, 2] - 0.622) / 0.002) ** 2)) * (
+            np.sin(260 * np.arctan2(points[:, 0], points[:, 1]) * 0.2) > -0.3
+        )
         colours = mixed(colours, seam, 0.9 * stitch)
         elbow, wrist = HEADS[INDEX["forearm.L"]], HEADS[INDEX["hand.L"]]
         way = wrist - elbow
         along = (np.column_stack([np.abs(points[:, 0]), points[:, 1:]]) - elbow) @ way / (way @ way)
-        return mixed(colours, np.array(colour) * 0.7, (np.abs(points[:, 0]) > 0.3) * np.exp(-(((along - 0.785) / 0.012) ** 2)))
+        return mixed(
+            colours,
+            np.array(colour) * 0.7,
+            (np.abs(points[:, 0]) > 0.3) * np.exp(-(((along - 0.785) / 0.012) ** 2)),
+        )
 
     return brush
 
@@ -168,7 +200,11 @@ def denim(colour, seam):
         colours = flat(points, colour) * (1 + weave)[:, None]
         knee = near(points, (0.09, -0.08, 0.44), (0.06, 0.06, 0.10))
         colours = mixed(colours, np.minimum(np.array(colour) * 1.5 + 0.06, 1), 0.45 * knee)
-        side = np.exp(-(((points[:, 1] - 0.012) / 0.0025) ** 2)) * (np.abs(points[:, 0]) > 0.10) * (points[:, 2] > 0.16)
+        side = (
+            np.exp(-(((points[:, 1] - 0.012) / 0.0025) ** 2))
+            * (np.abs(points[:, 0]) > 0.10)
+            * (points[:, 2] > 0.16)
+        )
         colours = mixed(colours, seam, 0.55 * side)
         turned = step(0.150 - points[:, 2], 0.0, 0.004)
         return mixed(colours, np.minimum(np.array(colour) * 1.35 + 0.10, 1), 0.8 * turned)
@@ -206,7 +242,11 @@ def leather(colour, metal, bright):
 
 
 def teeth(points, normals):
-    return mixed(flat(points, (0.97, 0.96, 0.93)), (0.86, 0.36, 0.36), 1 - step(points[:, 2] - MOUTH[2], -0.0075, 0.002))
+    return mixed(
+        flat(points, (0.97, 0.96, 0.93)),
+        (0.86, 0.36, 0.36),
+        1 - step(points[:, 2] - MOUTH[2], -0.0075, 0.002),
+    )
 
 
 # ------------------------------------------------------------------ texture
@@ -233,12 +273,17 @@ def _covered(uv):
     found = []
     for width, height in np.unique(extent, axis=0):
         chosen = np.flatnonzero((extent == (width, height)).all(axis=1))
-        offsets = np.stack(np.meshgrid(np.arange(width), np.arange(height), indexing="ij"), axis=-1).reshape(-1, 2)
+        offsets = np.stack(np.meshgrid(np.arange(width), np.arange(height), indexing="ij"), axis=-1).reshape(
+            -1, 2
+        )
         for some in np.array_split(chosen, len(chosen) * len(offsets) // 2_000_000 + 1):
             texel = low[some][:, None] + offsets
             a, b, c = (uv[some, k][:, None] for k in range(3))
             whole = _crossed(b - a, c - a)
-            weights = np.stack([_crossed(b - texel - 0.5, c - texel - 0.5), _crossed(c - texel - 0.5, a - texel - 0.5)], axis=-1)
+            weights = np.stack(
+                [_crossed(b - texel - 0.5, c - texel - 0.5), _crossed(c - texel - 0.5, a - texel - 0.5)],
+                axis=-1,
+            )
             weights = weights / np.where(np.abs(whole) > 1e-12, whole, np.inf)[..., None]
             weights = np.concatenate([weights, 1.0 - weights.sum(axis=-1, keepdims=True)], axis=-1)
             inside = (weights > -0.02).all(axis=-1) & (np.abs(whole) > 1e-12)

@@ -38,7 +38,9 @@ class Piece:
     @property
     def normals(self):
         """On the template."""
-        return sculpt.normals(self.places, self.faces if self.faces.shape[1] == 4 else self.faces[:, [0, 1, 2, 2]])
+        return sculpt.normals(
+            self.places, self.faces if self.faces.shape[1] == 4 else self.faces[:, [0, 1, 2, 2]]
+        )
 
 
 @dataclass(frozen=True)
@@ -213,9 +215,15 @@ def _face_keys(places):
     keys = {}
     for name, sign in (("Left", 1), ("Right", -1)):
         corner = MOUTH + np.array((0.040, -0.004, 0.006))
-        keys[f"mouthSmile{name}"] = _bump(places, corner, (0.030, 0.05, 0.030), np.array((0.012, 0.008, 0.013)), sign)
-        keys[f"mouthFrown{name}"] = _bump(places, corner, (0.030, 0.05, 0.030), np.array((0.002, 0.002, -0.014)), sign)
-        keys[f"cheekSquint{name}"] = _bump(places, (0.065, -0.11, 1.355), (0.03, 0.05, 0.02), np.array((0, -0.006, 0.006)), sign)
+        keys[f"mouthSmile{name}"] = _bump(
+            places, corner, (0.030, 0.05, 0.030), np.array((0.012, 0.008, 0.013)), sign
+        )
+        keys[f"mouthFrown{name}"] = _bump(
+            places, corner, (0.030, 0.05, 0.030), np.array((0.002, 0.002, -0.014)), sign
+        )
+        keys[f"cheekSquint{name}"] = _bump(
+            places, (0.065, -0.11, 1.355), (0.03, 0.05, 0.02), np.array((0, -0.006, 0.006)), sign
+        )
     low = 1 / (1 + np.exp((places[:, 2] - MOUTH[2] + 0.002) / 0.004))
     wide = np.exp(-((places[:, 0] / 0.075) ** 2)) * np.clip((places[:, 2] - 1.20) / 0.03, 0, 1)
     keys["jawOpen"] = (low * wide)[:, None] * front * np.array((0, 0.006, -0.024))
@@ -224,7 +232,10 @@ def _face_keys(places):
         * np.exp(-(((places - MOUTH) / (0.05, 0.06, 0.035)) ** 2).sum(axis=1))[:, None]
         * np.column_stack([-0.38 * places[:, 0], np.full(len(places), -0.010), 0 * places[:, 0]])
     )
-    puff = sum(_bump(places, (0.068, -0.09, 1.315), (0.03, 0.05, 0.03), np.array((0.012, -0.010, 0)), sign) for sign in (1, -1))
+    puff = sum(
+        _bump(places, (0.068, -0.09, 1.315), (0.03, 0.05, 0.03), np.array((0.012, -0.010, 0)), sign)
+        for sign in (1, -1)
+    )
     keys["cheekPuff"] = puff
     return keys
 
@@ -251,7 +262,9 @@ def _made(build, specification, triangles):
         places, quads = mesh
         keys = {}
         if moved is not None:
-            keys = {f"eyeBlink{side}": _side(places, sign) * moved for side, sign in (("Left", 1), ("Right", -1))}
+            keys = {
+                f"eyeBlink{side}": _side(places, sign) * moved for side, sign in (("Left", 1), ("Right", -1))
+            }
         elif "keys" in options:
             keys = options["keys"](places)
         vertices = build(places)
@@ -259,7 +272,17 @@ def _made(build, specification, triangles):
         weights = options.get("weights", _by_skin)(places)
         faces = _halved(vertices, quads) if triangles else quads
         pieces.append(
-            Piece(name, places, vertices, faces, weights, options["brush"], options["roughness"], options["cell"], keys)
+            Piece(
+                name,
+                places,
+                vertices,
+                faces,
+                weights,
+                options["brush"],
+                options["roughness"],
+                options["cell"],
+                keys,
+            )
         )
     return pieces
 
@@ -284,23 +307,147 @@ def mia(fineness: float = 1.0) -> Person:
     def metal(points):
         return (points[:, 0] < -0.244) & (points[:, 2] < 0.83)
 
-    trim = paint.leather((0.42, 0.24, 0.10), (0.93, 0.66, 0.10), lambda p: (np.abs(p[:, 0]) > 0.04) & (p[:, 2] < 0.815))
+    trim = paint.leather(
+        (0.42, 0.24, 0.10), (0.93, 0.66, 0.10), lambda p: (np.abs(p[:, 0]) > 0.04) & (p[:, 2] < 0.815)
+    )
     specification = [
-        ("Head", of(wardrobe.head, 0.0105), {"brush": paint.skin(tone, blush, (0.80, 0.33, 0.32), True), "roughness": 0.5, "cell": (0, 0, 0.5), "keys": _face_keys}),
-        ("Hands", of(wardrobe.hands, 0.0085), {"brush": paint.skin(tone, blush, blush), "roughness": 0.5, "cell": (0.5, 0, 0.25)}),
-        ("Body", of(wardrobe.body, 0.0200), {"brush": paint.underwear(tone, (0.90, 0.90, 0.92)), "roughness": 0.5, "cell": (0.75, 0, 0.25)}),
-        ("Eyes", partial(wardrobe.eyes, 14), {"brush": paint.eye((0.22, 0.55, 0.35), (0.05, 0.16, 0.10)), "roughness": 0.08, "cell": (0.5, 0.25, 0.25), "weights": on_head}),
-        ("Lids", partial(wardrobe.lids, 17, 6), {"brush": paint.lids(tone), "roughness": 0.5, "cell": (0.75, 0.25, cell), "weights": on_head, "moves": True}),
-        ("Lashes", partial(wardrobe.lashes, 17), {"brush": paint.plain((0.10, 0.05, 0.04)), "roughness": 0.6, "cell": (0.875, 0.25, cell), "weights": on_head, "moves": True}),
-        ("Mouth", of(wardrobe.mouth, 0.0065), {"brush": paint.teeth, "roughness": 0.2, "cell": (0.75, 0.375, cell), "weights": on_head, "keys": _mouth_keys}),
-        ("Brows", of(wardrobe.brows, 0.0050), {"brush": paint.plain((0.30, 0.13, 0.07)), "roughness": 0.7, "cell": (0.875, 0.375, cell), "weights": on_head, "keys": _brow_keys}),
-        ("Hair", of(wardrobe.girl_hair, 0.0130), {"brush": paint.hair(brown, (0.66, 0.34, 0.16)), "roughness": 0.42, "cell": (0, 0.5, 0.25), "weights": on_head}),
-        ("Ties", of(wardrobe.girl_ties, 0.0080), {"brush": paint.plain((0.82, 0.16, 0.18)), "roughness": 0.7, "cell": (0, 0.75, cell), "weights": on_head}),
-        ("Coat", of(wardrobe.coat, 0.0185), {"brush": paint.oilskin(yellow, (0.99, 0.90, 0.55)), "roughness": 0.34, "cell": (0.5, 0.5, 0.5), "weights": _skirt}),
-        ("Buttons", of(wardrobe.coat_trim, 0.0095), {"brush": trim, "roughness": 0.4, "cell": (cell, 0.75, cell), "weights": _skirt}),
-        ("Leggings", of(wardrobe.leggings, 0.0190), {"brush": paint.stripes((0.20, 0.22, 0.38), (0.86, 0.84, 0.82), 0.026), "roughness": 0.8, "cell": (0.25, 0.5, 0.25)}),
-        ("Boots", of(wardrobe.boots, 0.0140), {"brush": paint.rubber((0.80, 0.14, 0.13), (0.94, 0.91, 0.85)), "roughness": 0.22, "cell": (0.25, 0.75, 0.25)}),
-        ("Satchel", of(wardrobe.bag, 0.0110), {"brush": paint.leather((0.46, 0.25, 0.12), (0.88, 0.70, 0.32), metal), "roughness": 0.5, "cell": (0, 0.875, cell), "weights": _bag}),
+        (
+            "Head",
+            of(wardrobe.head, 0.0105),
+            {
+                "brush": paint.skin(tone, blush, (0.80, 0.33, 0.32), True),
+                "roughness": 0.5,
+                "cell": (0, 0, 0.5),
+                "keys": _face_keys,
+            },
+        ),
+        (
+            "Hands",
+            of(wardrobe.hands, 0.0085),
+            {"brush": paint.skin(tone, blush, blush), "roughness": 0.5, "cell": (0.5, 0, 0.25)},
+        ),
+        (
+            "Body",
+            of(wardrobe.body, 0.0200),
+            {"brush": paint.underwear(tone, (0.90, 0.90, 0.92)), "roughness": 0.5, "cell": (0.75, 0, 0.25)},
+        ),
+        (
+            "Eyes",
+            partial(wardrobe.eyes, 14),
+            {
+                "brush": paint.eye((0.22, 0.55, 0.35), (0.05, 0.16, 0.10)),
+                "roughness": 0.08,
+                "cell": (0.5, 0.25, 0.25),
+                "weights": on_head,
+            },
+        ),
+        (
+            "Lids",
+            partial(wardrobe.lids, 17, 6),
+            {
+                "brush": paint.lids(tone),
+                "roughness": 0.5,
+                "cell": (0.75, 0.25, cell),
+                "weights": on_head,
+                "moves": True,
+            },
+        ),
+        (
+            "Lashes",
+            partial(wardrobe.lashes, 17),
+            {
+                "brush": paint.plain((0.10, 0.05, 0.04)),
+                "roughness": 0.6,
+                "cell": (0.875, 0.25, cell),
+                "weights": on_head,
+                "moves": True,
+            },
+        ),
+        (
+            "Mouth",
+            of(wardrobe.mouth, 0.0065),
+            {
+                "brush": paint.teeth,
+                "roughness": 0.2,
+                "cell": (0.75, 0.375, cell),
+                "weights": on_head,
+                "keys": _mouth_keys,
+            },
+        ),
+        (
+            "Brows",
+            of(wardrobe.brows, 0.0050),
+            {
+                "brush": paint.plain((0.30, 0.13, 0.07)),
+                "roughness": 0.7,
+                "cell": (0.875, 0.375, cell),
+                "weights": on_head,
+                "keys": _brow_keys,
+            },
+        ),
+        (
+            "Hair",
+            of(wardrobe.girl_hair, 0.0130),
+            {
+                "brush": paint.hair(brown, (0.66, 0.34, 0.16)),
+                "roughness": 0.42,
+                "cell": (0, 0.5, 0.25),
+                "weights": on_head,
+            },
+        ),
+        (
+            "Ties",
+            of(wardrobe.girl_ties, 0.0080),
+            {
+                "brush": paint.plain((0.82, 0.16, 0.18)),
+                "roughness": 0.7,
+                "cell": (0, 0.75, cell),
+                "weights": on_head,
+            },
+        ),
+        (
+            "Coat",
+            of(wardrobe.coat, 0.0185),
+            {
+                "brush": paint.oilskin(yellow, (0.99, 0.90, 0.55)),
+                "roughness": 0.34,
+                "cell": (0.5, 0.5, 0.5),
+                "weights": _skirt,
+            },
+        ),
+        (
+            "Buttons",
+            of(wardrobe.coat_trim, 0.0095),
+            {"brush": trim, "roughness": 0.4, "cell": (cell, 0.75, cell), "weights": _skirt},
+        ),
+        (
+            "Leggings",
+            of(wardrobe.leggings, 0.0190),
+            {
+                "brush": paint.stripes((0.20, 0.22, 0.38), (0.86, 0.84, 0.82), 0.026),
+                "roughness": 0.8,
+                "cell": (0.25, 0.5, 0.25),
+            },
+        ),
+        (
+            "Boots",
+            of(wardrobe.boots, 0.0140),
+            {
+                "brush": paint.rubber((0.80, 0.14, 0.13), (0.94, 0.91, 0.85)),
+                "roughness": 0.22,
+                "cell": (0.25, 0.75, 0.25),
+            },
+        ),
+        (
+            "Satchel",
+            of(wardrobe.bag, 0.0110),
+            {
+                "brush": paint.leather((0.46, 0.25, 0.12), (0.88, 0.70, 0.32), metal),
+                "roughness": 0.5,
+                "cell": (0, 0.875, cell),
+                "weights": _bag,
+            },
+        ),
     ]
     return Person("Mia", MIA, HUMANOID, _made(MIA, specification, triangles=False))
 
@@ -317,19 +464,124 @@ def bruno(fineness: float = 1.0) -> Person:
         return (np.abs(points[:, 0]) < 0.036) & (points[:, 1] < -0.09) & (np.abs(points[:, 2] - 0.888) < 0.03)
 
     specification = [
-        ("Head", of(wardrobe.head, 0.0125), {"brush": paint.skin(tone, blush, (0.70, 0.34, 0.30)), "roughness": 0.5, "cell": (0, 0, 0.5), "keys": _face_keys}),
-        ("Hands", of(wardrobe.hands, 0.0085), {"brush": paint.skin(tone, blush, blush), "roughness": 0.5, "cell": (0.5, 0, 0.25)}),
-        ("Body", of(wardrobe.body, 0.0220), {"brush": paint.underwear(tone, (0.72, 0.74, 0.78)), "roughness": 0.5, "cell": (0.75, 0, 0.25)}),
-        ("Eyes", partial(wardrobe.eyes, 14), {"brush": paint.eye((0.25, 0.45, 0.70), (0.06, 0.12, 0.25)), "roughness": 0.08, "cell": (0.5, 0.25, 0.25), "weights": on_head}),
-        ("Lids", partial(wardrobe.lids, 15, 5), {"brush": paint.lids(tone), "roughness": 0.5, "cell": (0.75, 0.25, cell), "weights": on_head, "moves": True}),
-        ("Mouth", of(wardrobe.mouth, 0.0070), {"brush": paint.teeth, "roughness": 0.2, "cell": (0.75, 0.375, cell), "weights": on_head, "keys": _mouth_keys}),
-        ("Brows", of(wardrobe.brows, 0.0060, thick=1.75, slope=-0.012), {"brush": paint.plain((0.40, 0.17, 0.06)), "roughness": 0.7, "cell": (0.875, 0.375, cell), "weights": on_head, "keys": _brow_keys}),
-        ("Beard", of(wardrobe.beard, 0.0125), {"brush": paint.hair(ginger, (0.78, 0.42, 0.18), 60.0), "roughness": 0.55, "cell": (0, 0.5, 0.25), "weights": on_head}),
-        ("Beanie", of(wardrobe.beanie, 0.0125), {"brush": paint.knit((0.74, 0.15, 0.13), (0.95, 0.92, 0.86)), "roughness": 0.85, "cell": (0, 0.75, 0.25), "weights": on_head}),
-        ("Shirt", of(wardrobe.shirt, 0.0180), {"brush": paint.stripes((0.93, 0.92, 0.89), (0.13, 0.20, 0.38), 0.032), "roughness": 0.8, "cell": (0.5, 0.5, 0.5)}),
-        ("Trousers", of(wardrobe.trousers, 0.0190), {"brush": paint.denim((0.16, 0.22, 0.34), (0.78, 0.60, 0.35)), "roughness": 0.8, "cell": (0.25, 0.5, 0.25)}),
-        ("Belt", of(wardrobe.belt, 0.0110), {"brush": paint.leather((0.40, 0.21, 0.09), (0.88, 0.72, 0.34), buckle), "roughness": 0.45, "cell": (0.875, 0.25, cell)}),
-        ("Shoes", of(wardrobe.shoes, 0.0140), {"brush": paint.rubber((0.36, 0.20, 0.10), (0.20, 0.13, 0.09)), "roughness": 0.4, "cell": (0.25, 0.75, 0.25)}),
+        (
+            "Head",
+            of(wardrobe.head, 0.0125),
+            {
+                "brush": paint.skin(tone, blush, (0.70, 0.34, 0.30)),
+                "roughness": 0.5,
+                "cell": (0, 0, 0.5),
+                "keys": _face_keys,
+            },
+        ),
+        (
+            "Hands",
+            of(wardrobe.hands, 0.0085),
+            {"brush": paint.skin(tone, blush, blush), "roughness": 0.5, "cell": (0.5, 0, 0.25)},
+        ),
+        (
+            "Body",
+            of(wardrobe.body, 0.0220),
+            {"brush": paint.underwear(tone, (0.72, 0.74, 0.78)), "roughness": 0.5, "cell": (0.75, 0, 0.25)},
+        ),
+        (
+            "Eyes",
+            partial(wardrobe.eyes, 14),
+            {
+                "brush": paint.eye((0.25, 0.45, 0.70), (0.06, 0.12, 0.25)),
+                "roughness": 0.08,
+                "cell": (0.5, 0.25, 0.25),
+                "weights": on_head,
+            },
+        ),
+        (
+            "Lids",
+            partial(wardrobe.lids, 15, 5),
+            {
+                "brush": paint.lids(tone),
+                "roughness": 0.5,
+                "cell": (0.75, 0.25, cell),
+                "weights": on_head,
+                "moves": True,
+            },
+        ),
+        (
+            "Mouth",
+            of(wardrobe.mouth, 0.0070),
+            {
+                "brush": paint.teeth,
+                "roughness": 0.2,
+                "cell": (0.75, 0.375, cell),
+                "weights": on_head,
+                "keys": _mouth_keys,
+            },
+        ),
+        (
+            "Brows",
+            of(wardrobe.brows, 0.0060, thick=1.75, slope=-0.012),
+            {
+                "brush": paint.plain((0.40, 0.17, 0.06)),
+                "roughness": 0.7,
+                "cell": (0.875, 0.375, cell),
+                "weights": on_head,
+                "keys": _brow_keys,
+            },
+        ),
+        (
+            "Beard",
+            of(wardrobe.beard, 0.0125),
+            {
+                "brush": paint.hair(ginger, (0.78, 0.42, 0.18), 60.0),
+                "roughness": 0.55,
+                "cell": (0, 0.5, 0.25),
+                "weights": on_head,
+            },
+        ),
+        (
+            "Beanie",
+            of(wardrobe.beanie, 0.0125),
+            {
+                "brush": paint.knit((0.74, 0.15, 0.13), (0.95, 0.92, 0.86)),
+                "roughness": 0.85,
+                "cell": (0, 0.75, 0.25),
+                "weights": on_head,
+            },
+        ),
+        (
+            "Shirt",
+            of(wardrobe.shirt, 0.0180),
+            {
+                "brush": paint.stripes((0.93, 0.92, 0.89), (0.13, 0.20, 0.38), 0.032),
+                "roughness": 0.8,
+                "cell": (0.5, 0.5, 0.5),
+            },
+        ),
+        (
+            "Trousers",
+            of(wardrobe.trousers, 0.0190),
+            {
+                "brush": paint.denim((0.16, 0.22, 0.34), (0.78, 0.60, 0.35)),
+                "roughness": 0.8,
+                "cell": (0.25, 0.5, 0.25),
+            },
+        ),
+        (
+            "Belt",
+            of(wardrobe.belt, 0.0110),
+            {
+                "brush": paint.leather((0.40, 0.21, 0.09), (0.88, 0.72, 0.34), buckle),
+                "roughness": 0.45,
+                "cell": (0.875, 0.25, cell),
+            },
+        ),
+        (
+            "Shoes",
+            of(wardrobe.shoes, 0.0140),
+            {
+                "brush": paint.rubber((0.36, 0.20, 0.10), (0.20, 0.13, 0.09)),
+                "roughness": 0.4,
+                "cell": (0.25, 0.75, 0.25),
+            },
+        ),
     ]
     return Person("Bruno", BRUNO, ENGINE, _made(BRUNO, specification, triangles=True))
-

@@ -147,7 +147,9 @@ def _add_rig(person, meshes, collection, x, label):
     for bone, head, tail in zip(SKELETON, heads, tails, strict=True):
         made = rig.data.edit_bones.new(person.bones[bone.name])
         made.head, made.tail = head, tail
-        made.align_roll(Vector((0, -1, 0)) if abs((made.tail - made.head).normalized().y) < 0.8 else Vector((0, 0, 1)))
+        made.align_roll(
+            Vector((0, -1, 0)) if abs((made.tail - made.head).normalized().y) < 0.8 else Vector((0, 0, 1))
+        )
         if bone.parent:
             made.parent = rig.data.edit_bones[person.bones[bone.parent]]
             made.use_connect = (made.head - made.parent.tail).length < 1e-4
@@ -205,4 +207,3 @@ def add_walk(actor: Actor, cycles: int = 1):
         hips.location = hips.bone.matrix_local.to_3x3().inverted() @ Vector(way)
         hips.keyframe_insert("location", frame=frame + 1)
     rig.animation_data.action.name = f"{actor.person.name} Walk"
-

@@ -140,7 +140,14 @@ def ribbon(solid: Solid, centre, axes, turns, half_width: float, height: float, 
     angle = np.linspace(*turns, steps, endpoint=not whole)
     ray = np.cos(angle)[:, None] * first + np.sin(angle)[:, None] * second
     rows = []
-    for side, off in ((-1, -0.003), (-1, 0.75 * height), (-0.8, height), (0.8, height), (1, 0.75 * height), (1, -0.003)):
+    for side, off in (
+        (-1, -0.003),
+        (-1, 0.75 * height),
+        (-0.8, height),
+        (0.8, height),
+        (1, 0.75 * height),
+        (1, -0.003),
+    ):
         start = np.array(centre) + side * half_width * normal
         near, far = np.full(steps, 0.01), np.full(steps, 0.45)
         for _ in range(30):
@@ -201,10 +208,14 @@ def surface(solid: Solid, low, high, spacing: float, turn: float = 0.0) -> tuple
     relaxed along the surface.
     """
     about = np.array([(np.cos(turn), -np.sin(turn), 0), (np.sin(turn), np.cos(turn), 0), (0, 0, 1)])
-    corners = np.array([(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    corners = np.array(
+        [(x, y, z) for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])]
+    )
     corners = corners @ about
     origin = corners.min(axis=0) - spacing
-    counts = COARSE * (np.ceil((corners.max(axis=0) + spacing - origin) / (COARSE * spacing)).astype(int) + 1) + 1
+    counts = (
+        COARSE * (np.ceil((corners.max(axis=0) + spacing - origin) / (COARSE * spacing)).astype(int) + 1) + 1
+    )
     values = _sampled(lambda points: solid(points @ about.T), origin, counts, spacing)
     vertices, quads = _nets(values)
     vertices = (origin + spacing * vertices) @ about.T
@@ -220,7 +231,9 @@ def _sampled(solid, origin, counts, spacing):
     coarse = (counts - 1) // COARSE + 1
     places = np.stack(np.meshgrid(*(np.arange(n) for n in coarse), indexing="ij"), axis=-1)
     rough = _in_blocks(solid, origin + COARSE * spacing * places.reshape(-1, 3)).reshape(coarse)
-    near = [np.minimum((np.arange(n) + COARSE // 2) // COARSE, m - 1) for n, m in zip(counts, coarse, strict=True)]
+    near = [
+        np.minimum((np.arange(n) + COARSE // 2) // COARSE, m - 1) for n, m in zip(counts, coarse, strict=True)
+    ]
     values = rough[np.ix_(*near)]
     wanted = np.argwhere(np.abs(values) < BAND * COARSE * spacing)
     values[tuple(wanted.T)] = _in_blocks(solid, origin + spacing * wanted)
@@ -259,7 +272,12 @@ def _nets(values):
         within = (changed[:, [first, second]] > 0) & (changed[:, [first, second]] < size[[first, second]])
         changed = changed[within.all(axis=1)]
         back = np.eye(3, dtype=int)
-        around = [changed - back[first] - back[second], changed - back[second], changed, changed - back[first]]
+        around = [
+            changed - back[first] - back[second],
+            changed - back[second],
+            changed,
+            changed - back[first],
+        ]
         quad = np.stack([number[tuple(cell.T)] for cell in around], axis=1)
         starts_inside = inside[tuple(changed.T)]
         quads.append(np.where(starts_inside[:, None], quad, quad[:, ::-1]))

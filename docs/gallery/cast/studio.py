@@ -113,10 +113,10 @@ def attribute_look(name: str):
 
 def _paper():
     """A floor that bends up behind the figures, so that there is no horizon."""
-    depth = np.concatenate([[-14.0], np.linspace(1.4, 3.4, 24)])
-    height = np.where(depth > 1.4, 2.0 - np.sqrt(np.maximum(4.0 - (depth - 1.4) ** 2, 0.0)), 0.0)
-    depth, height = np.append(depth, 3.4), np.append(height, 14.0)
-    points = [(x, float(y), float(z)) for y, z in zip(depth, height, strict=True) for x in (-18.0, 18.0)]
+    depth = np.concatenate([[-14.0], np.linspace(5.0, 8.0, 24)])
+    height = np.where(depth > 5.0, 3.0 - np.sqrt(np.maximum(9.0 - (depth - 5.0) ** 2, 0.0)), 0.0)
+    depth, height = np.append(depth, 8.0), np.append(height, 18.0)
+    points = [(x, float(y), float(z)) for y, z in zip(depth, height, strict=True) for x in (-24.0, 24.0)]
     faces = [(2 * i, 2 * i + 1, 2 * i + 3, 2 * i + 2) for i in range(len(depth) - 1)]
     mesh = bpy.data.meshes.new("Paper")
     mesh.from_pydata(points, [], faces)

@@ -53,7 +53,9 @@ def skin_errors(source: Actor, target: Actor) -> np.ndarray:
 
 def near_bone_share(source: Actor, target: Actor) -> float:
     """Share of all vertices, clothes and hair too, whose image hangs on the bone that it should or on a neighbour."""
-    parents = np.array([next((i for i, b in enumerate(SKELETON) if b.name == bone.parent), -1) for bone in SKELETON])
+    parents = np.array(
+        [next((i for i, b in enumerate(SKELETON) if b.name == bone.parent), -1) for bone in SKELETON]
+    )
     right = []
     for name in target.meshes:
         wanted = target.person.piece(name).weights.argmax(axis=1)
@@ -100,7 +102,9 @@ def colour_share(source: Actor, target: Actor, image, tolerance: float = 0.1) ->
     for name in SKIN:
         mesh, piece = target.meshes[name].data, target.person.piece(name)
         corners, loops = triangles(mesh)
-        texel = np.clip((corner_uv(mesh)[loops].mean(axis=1) * (size, image.size[1])).astype(int), 0, size - 1)
+        texel = np.clip(
+            (corner_uv(mesh)[loops].mean(axis=1) * (size, image.size[1])).astype(int), 0, size - 1
+        )
         places = piece.places[corners].mean(axis=1)
         wanted = source.person.piece(name).brush(places, piece.normals[corners].mean(axis=1))
         right.append((np.abs(pixels[texel[:, 1], texel[:, 0]] - wanted) < tolerance).all(axis=1))

@@ -70,7 +70,9 @@ def eyes(rings):
 
 
 def _dome(side, size, rings, until):
-    angle, about = np.meshgrid(np.linspace(0.06, until - 0.06, rings), np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False))
+    angle, about = np.meshgrid(
+        np.linspace(0.06, until - 0.06, rings), np.linspace(0, 2 * np.pi, 2 * rings, endpoint=False)
+    )
     local = np.stack([np.sin(angle) * np.cos(about), -np.cos(angle), np.sin(angle) * np.sin(about)], axis=-1)
     quads = _grid(2 * rings, rings, closed=True)
     caps = [about_row * rings + end for end in (0, rings - 1) for about_row in range(2 * rings)]
@@ -139,7 +141,8 @@ def _shell(columns, hinges, thick, side):
     # Towards the corners of the eye lids meet.
     bend = hinges[None] * (1.0 - 0.22 * (across / 1.45) ** 4)
     local = np.stack(
-        [np.sin(across) * np.ones_like(bend), -np.cos(across) * np.cos(bend), np.cos(across) * np.sin(bend)], axis=-1
+        [np.sin(across) * np.ones_like(bend), -np.cos(across) * np.cos(bend), np.cos(across) * np.sin(bend)],
+        axis=-1,
     )
     return _in_eye((local * size[None, :, None]).reshape(-1, 3), side)
 
@@ -153,7 +156,9 @@ def _lash(columns, rim, lash, side):
     sizes = [1.02, 1.16 + 0.6 * height, 1.14 + 0.25 * height, 1.05 + 0 * height]
     points = []
     for angle, size in zip(rows, sizes, strict=True):
-        local = np.stack([np.sin(across), -np.cos(across) * np.cos(angle), np.cos(across) * np.sin(angle)], axis=-1)
+        local = np.stack(
+            [np.sin(across), -np.cos(across) * np.cos(angle), np.cos(across) * np.sin(angle)], axis=-1
+        )
         points.append(local * np.broadcast_to(size, across.shape)[..., None])
     local = np.concatenate(points, axis=1)
     return _in_eye(local.reshape(-1, 3) * (side, 1, 1), side)
@@ -188,7 +193,7 @@ def mouth(spacing, turn):
         ellipsoid(MOUTH + (0, 0.012, 0.010), (0.043, 0.042, 0.015)),
         lambda p: 0.0 - (p[:, 2] - (MOUTH[2] - 0.0035 + 6.0 * p[:, 0] ** 2)),
     )
-    arch = common(0.004, arch, lambda p: (p[:, 2] - (MOUTH[2] + 0.016)))
+    arch = common(0.004, arch, lambda p: p[:, 2] - (MOUTH[2] + 0.016))
     tongue = ellipsoid(MOUTH + (0, 0.016, -0.017), (0.026, 0.034, 0.009))
     low, high = MOUTH - (0.07, 0.06, 0.05), MOUTH + (0.07, 0.08, 0.05)
     return sculpt.joined(
@@ -209,7 +214,11 @@ def girl_hair(spacing, turn):
     cap = ellipsoid((0, 0.026, 1.458), (0.170, 0.172, 0.168))
     nape = ellipsoid((0, 0.075, 1.36), (0.135, 0.105, 0.125))
     hair = sculpt.bumped(blend(0.05, cap, nape), locks)
-    window = blend(0.03, ellipsoid((0, -0.20, 1.395), (0.128, 0.20, 0.105)), ellipsoid((0.0, -0.12, 1.26), (0.15, 0.155, 0.09)))
+    window = blend(
+        0.03,
+        ellipsoid((0, -0.20, 1.395), (0.128, 0.20, 0.105)),
+        ellipsoid((0.0, -0.12, 1.26), (0.15, 0.155, 0.09)),
+    )
     hair = carve(0.018, hair, window)
     # Bangs swept to one side, and strands before the ears.
     bangs = [
@@ -224,14 +233,29 @@ def girl_hair(spacing, turn):
             ),
             (0.020, 0.026, 0.026, 0.006),
         )
-        for x, z in ((-0.112, 1.440), (-0.072, 1.458), (-0.028, 1.470), (0.020, 1.474), (0.066, 1.462), (0.104, 1.448))
+        for x, z in (
+            (-0.112, 1.440),
+            (-0.072, 1.458),
+            (-0.028, 1.470),
+            (0.020, 1.474),
+            (0.066, 1.462),
+            (0.104, 1.448),
+        )
     ]
     hair = blend(0.007, hair, *bangs)
     strand = tube(
-        np.array([(0.125, -0.075, 1.50), (0.152, -0.072, 1.42), (0.148, -0.080, 1.34), (0.132, -0.090, 1.285)]),
+        np.array(
+            [(0.125, -0.075, 1.50), (0.152, -0.072, 1.42), (0.148, -0.080, 1.34), (0.132, -0.090, 1.285)]
+        ),
         (0.026, 0.024, 0.020, 0.006),
     )
-    tail = [(0.158, 0.055, 1.34), (0.190, 0.055, 1.285), (0.200, 0.045, 1.215), (0.196, 0.030, 1.15), (0.182, 0.016, 1.095)]
+    tail = [
+        (0.158, 0.055, 1.34),
+        (0.190, 0.055, 1.285),
+        (0.200, 0.045, 1.215),
+        (0.196, 0.030, 1.15),
+        (0.182, 0.016, 1.095),
+    ]
     pig = tube(np.array(tail), (0.030, 0.046, 0.050, 0.040, 0.010))
     pig = sculpt.bumped(pig, lambda p: 0.003 * np.cos(9 * np.arctan2(p[:, 0] - 0.195, p[:, 1] - 0.045)))
     hair = blend(0.010, hair, mirrored(strand), mirrored(pig))
@@ -255,13 +279,19 @@ def coat_solid():
 
     folds = sculpt.bumped(
         squeezed,
-        lambda p: 0.007 * np.clip((0.95 - p[:, 2]) / 0.3, 0, 1) * np.cos(10 * np.arctan2(p[:, 0], -1.28 * p[:, 1])),
+        lambda p: (
+            0.007 * np.clip((0.95 - p[:, 2]) / 0.3, 0, 1) * np.cos(10 * np.arctan2(p[:, 0], -1.28 * p[:, 1]))
+        ),
     )
     sleeve = blend(0.03, cone("upper_arm.L", 0.062, 0.056), cone("forearm.L", 0.056, 0.056))
     trunk = grown(trunk_solid(), 0.016)
     coat = blend(0.05, folds, trunk)
     coat = blend(0.035, coat, sleeve)
-    hood = carve(0.03, ellipsoid((0, 0.105, 1.165), (0.125, 0.075, 0.075)), ellipsoid((0, 0.075, 1.235), (0.085, 0.055, 0.06)))
+    hood = carve(
+        0.03,
+        ellipsoid((0, 0.105, 1.165), (0.125, 0.075, 0.075)),
+        ellipsoid((0, 0.075, 1.235), (0.085, 0.055, 0.06)),
+    )
     collar = ring((0, 0.012, 1.178), (0, -0.30, 1.0), 0.088, 0.023, (1.05, 1.0, 1.0))
     cuff = _cuff(CUFF - 0.10, 0.058, 0.011)
     placket = box((0, -0.2, 0.87), (0.020, 0.15, 0.29), 0.004)
@@ -358,7 +388,13 @@ def bag(spacing, turn):
     low_end, high_end = np.array((-0.20, 0.0, 0.85)), np.array((0.115, 0.0, 1.17))
     up = (high_end - low_end) / np.linalg.norm(high_end - low_end)
     strap = sculpt.ribbon(
-        grown(solid, 0.001), (low_end + high_end) / 2, (up, (0, -1, 0)), (-0.97 * np.pi, 0.97 * np.pi), 0.015, 0.007, 72
+        grown(solid, 0.001),
+        (low_end + high_end) / 2,
+        (up, (0, -1, 0)),
+        (-0.97 * np.pi, 0.97 * np.pi),
+        0.015,
+        0.007,
+        72,
     )
     return sculpt.joined(sculpt.surface(pouch, low, high, spacing, turn), strap)
 
@@ -378,7 +414,12 @@ def beanie(spacing, turn):
     cap = common(0.01, dome, lambda p: 1.525 - p[:, 2])
     solid = blend(0.008, blend(0.006, cap, brim), pompom)
     return sheet(
-        solid, lambda p: ellipsoid((0, 0.02, 1.45), (0.149, 0.155, 0.150))(p), spacing, turn, low=(-0.25, -0.25, 1.40), high=(0.25, 0.28, 1.80)
+        solid,
+        lambda p: ellipsoid((0, 0.02, 1.45), (0.149, 0.155, 0.150))(p),
+        spacing,
+        turn,
+        low=(-0.25, -0.25, 1.40),
+        high=(0.25, 0.28, 1.80),
     )
 
 
@@ -397,11 +438,17 @@ def beard(spacing, turn):
         ellipsoid((0, 0.085, 1.36), (0.128, 0.085, 0.110)),
     )
     jaw = sculpt.bumped(jaw, strands)
-    face = blend(0.03, ellipsoid((0, -0.170, 1.395), (0.098, 0.11, 0.070)), ellipsoid((0, -0.165, 1.312), (0.056, 0.09, 0.030)))
+    face = blend(
+        0.03,
+        ellipsoid((0, -0.170, 1.395), (0.098, 0.11, 0.070)),
+        ellipsoid((0, -0.165, 1.312), (0.056, 0.09, 0.030)),
+    )
     jaw = carve(0.012, jaw, face)
     jaw = carve(0.010, jaw, ellipsoid((0.165, 0.010, 1.39), (0.035, 0.034, 0.048)))
     moustache = tube(
-        np.array([(0.006, -0.166, 1.342), (0.034, -0.163, 1.338), (0.064, -0.142, 1.322), (0.084, -0.118, 1.325)]),
+        np.array(
+            [(0.006, -0.166, 1.342), (0.034, -0.163, 1.338), (0.064, -0.142, 1.322), (0.084, -0.118, 1.325)]
+        ),
         (0.013, 0.0175, 0.014, 0.004),
     )
     moustache = sculpt.bumped(moustache, lambda p: 0.0018 * np.cos(260 * (p[:, 2] + 0.25 * p[:, 0])))
@@ -450,11 +497,15 @@ def belt(spacing, turn):
         box((0, front - 0.012, 0.888), (0.034, 0.008, 0.027), 0.006),
         box((0, front - 0.020, 0.888), (0.021, 0.008, 0.015), 0.004),
     )
-    buckle_mesh = sculpt.surface(buckle, (-0.06, front - 0.05, 0.84), (0.06, front + 0.03, 0.94), 0.6 * spacing, turn)
+    buckle_mesh = sculpt.surface(
+        buckle, (-0.06, front - 0.05, 0.84), (0.06, front + 0.03, 0.94), 0.6 * spacing, turn
+    )
     braces = []
     for side in (1, -1):
         axes = (np.array((0.0, -1.0, 0.0)), np.array((0.06 * side, 0.0, 1.0)))
-        over = sculpt.ribbon(shirt_solid(), (0.070 * side, 0.010, 1.00), axes, (-0.92, np.pi + 0.92), 0.014, 0.007, 44)
+        over = sculpt.ribbon(
+            shirt_solid(), (0.070 * side, 0.010, 1.00), axes, (-0.92, np.pi + 0.92), 0.014, 0.007, 44
+        )
         braces.append(over)
     return sculpt.joined(band, buckle_mesh, *braces)
 
@@ -472,4 +523,3 @@ def shoes(spacing, turn):
     lip = ring(ankle + (0, 0.004, 0.022), (0, -0.1, 1), 0.045, 0.010)
     solid = mirrored(blend(0.004, blend(0.008, shoe, lip), sole))
     return sheet(solid, lambda p: 0.112 - p[:, 2] - 0.1 * (p[:, 1] - 0.02), spacing, turn, 0.008)
-

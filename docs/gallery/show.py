@@ -1,0 +1,353 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Pictures of whole characters, Mia and Bruno: matched, painted, dressed, walking, and the loop at the top of README.
+
+All are taken from one scene, which is made once a run: `played`.
+"""
+
+import tempfile
+from functools import cache
+from pathlib import Path
+
+import bpy
+import numpy as np
+from cast import people, scene, studio
+from mathutils import Vector
+from PIL import Image
+
+import addon
+
+HERE = Path(__file__).resolve().parent
+STEP = 1.15
+SAMPLES = 20
+MIAS = ("Coat", "Buttons", "Leggings", "Boots", "Satchel")
+BRUNOS = ("Shirt", "Trousers", "Belt", "Shoes")
+"""His beanie he keeps on."""
+STRIDE = 8
+"""Frame of the walk in which both legs are apart."""
+KEYS = "groups,armature,keys"
+
+
+# ------------------------------------------------------------------ the scene
+
+
+@cache
+def played() -> Path:
+    """The scene as a file. Bruno was matched with Mia and has her rig, walk, keys, texture and outfit; `Mia in blue`
+    and `Bruno in blue` have rigs of their own with other names of bones, and she has his outfit."""
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+    addon.register()
+    try:
+        girl, sailor = people.mia(), people.bruno()
+        mia = scene.staged(girl)
+        scene.add_walk(mia, 2)
+        bruno = scene.staged(sailor, rig=False, keys=False)
+        chosen(mia, bruno)
+        bpy.ops.spectral_match.match()
+        bpy.ops.spectral_match.transfer(kinds=KEYS)
+        bpy.ops.spectral_match.transfer(kinds="materials,textures")
+        fit(mia, MIAS)
+        other_mia, other_bruno = (scene.staged(each, label=f"{each.name} in blue") for each in (girl, sailor))
+        scene.add_walk(other_mia, 2)
+        chosen(other_bruno, other_mia)
+        bpy.ops.spectral_match.match()
+        fit(other_bruno, BRUNOS)
+        path = Path(tempfile.mkdtemp()) / "played.blend"
+        bpy.ops.wm.save_as_mainfile(filepath=str(path))
+    finally:
+        addon.unregister()
+    return path
+
+
+def chosen(source, target):
+    bpy.ops.object.select_all(action="DESELECT")
+    for actor in (target, source):
+        actor.meshes["Body"].select_set(True)
+    bpy.context.view_layer.objects.active = source.meshes["Body"]
+
+
+def fit(wearer, names):
+    bpy.ops.spectral_match.fit_outfit(garments="\n".join(wearer.meshes[name].name for name in names))
+
+
+def opened(frame=0):
+    """The scene anew, nothing of it in the picture yet. At frame 0 all stand as they were made."""
+    bpy.ops.wm.open_mainfile(filepath=str(played()))
+    for obj in bpy.data.objects:
+        obj.hide_render = True
+        if obj.type == "ARMATURE":
+            obj.data.pose_position = "POSE" if frame else "REST"
+    bpy.context.scene.frame_set(frame)
+
+
+def pieces(label, leave=()):
+    """Meshes of a character by its label, but for those named."""
+    skipped = {f"{label} {name}" for name in leave}
+    return [
+        obj
+        for obj in bpy.data.collections[label].objects
+        if obj.type == "MESH" and obj.name not in skipped and obj.name.startswith(f"{label} ")
+    ]
+
+
+def outfit(wearer, names):
+    """Copies of garments that Fit Outfit made."""
+    originals = {f"{wearer} {name}" for name in names}
+    return [obj for obj in bpy.data.objects if obj.get("spectral_match_made_from") in originals]
+
+
+def baked_look(objects, carried: bool):
+    """Show the objects' own materials, which stay in the first slot, or the carried ones."""
+    for obj in objects:
+        slots = len(obj.data.materials)
+        numbers = np.zeros(len(obj.data.polygons), np.int32)
+        if carried:
+            obj.data.attributes["carried look"].data.foreach_get("value", numbers)
+        obj.data.polygons.foreach_set("material_index", np.minimum(numbers, slots - 1))
+        obj.data.update()
+
+
+def posed(objects, x, name, colours=None):
+    for obj in objects:
+        obj.hide_set(False)
+        obj.hide_render = False
+    copies = studio.statue(objects, x, name, colours)
+    for obj in objects:
+        obj.hide_render = True
+    return copies
+
+
+def keep_carried(objects):
+    """Remember which carried material each face has, and show the own one."""
+    for obj in objects:
+        numbers = np.empty(len(obj.data.polygons), np.int32)
+        obj.data.polygons.foreach_get("material_index", numbers)
+        layer = obj.data.attributes.new("carried look", "INT", "FACE")
+        layer.data.foreach_set("value", numbers)
+    baked_look(objects, False)
+
+
+# ------------------------------------------------------------------ pictures
+
+
+def row(name, width, height=480, samples=SAMPLES, **studio_options):
+    """Draw what stands in the scene, `width` metres wide."""
+    studio.built(width=width, **studio_options)
+    path = HERE / f"{name}.png"
+    studio.rendered(path, (1200, height), samples)
+    with Image.open(path) as picture:
+        picture.convert("RGB").save(HERE / f"{name}.webp", quality=86, method=6)
+    path.unlink()
+
+
+def matched():
+    """Both as they are, and both in the colours of the match."""
+    opened()
+    bruno = pieces("Bruno")
+    keep_carried(bruno)
+    for k, colours in enumerate((None, "match_color")):
+        posed(pieces("Mia"), (2 * k - 1.5) * STEP, f"Mia {k}", colours)
+        posed(bruno, (2 * k - 0.5) * STEP, f"Bruno {k}", colours)
+    row("matched", 4.9)
+
+
+def texture():
+    """Mia, Bruno as he comes, and Bruno in her texture."""
+    opened()
+    bruno = pieces("Bruno")
+    keep_carried(bruno)
+    posed(pieces("Mia"), -STEP, "Mia 0")
+    posed(bruno, 0.0, "Bruno 0")
+    baked_look(bruno, True)
+    posed(bruno, STEP, "Bruno 1")
+    row("painted", 4.2, 540)
+
+
+def outfits():
+    """Who wears it, and the other one in it, both ways, walking."""
+    opened(STRIDE)
+    bruno = pieces("Bruno", BRUNOS)
+    keep_carried(pieces("Bruno"))
+    posed(pieces("Mia"), -1.5 * STEP, "Mia 0")
+    posed([*bruno, *outfit("Mia", MIAS)], -0.5 * STEP, "Bruno 0")
+    posed(pieces("Bruno"), 0.5 * STEP, "Bruno 1")
+    posed(
+        [*pieces("Mia in blue", MIAS), *outfit("Bruno in blue", BRUNOS)],
+        1.5 * STEP,
+        "Mia 1",
+    )
+    row("dressed", 4.9, turn=0.15)
+
+
+def walk():
+    """The walk that came with Mia's rig, on Bruno."""
+    opened(1)
+    keep_carried(pieces("Bruno"))
+    for k, frame in enumerate((1, 7, 13, 19)):
+        bpy.context.scene.frame_set(frame)
+        for level, label in enumerate(("Mia", "Bruno")):
+            for copy in posed(pieces(label), (k - 1.5) * 1.05 + 4.6 * (level - 0.5), f"{label} {k}"):
+                copy.rotation_euler.z = 0.0
+    row("walking", 9.4, 340, turn=0.5)
+
+
+def faces():
+    """Keys of Mia's face, and the same on Bruno's."""
+    opened()
+    bruno = pieces("Bruno")
+    keep_carried(bruno)
+    expressions = (
+        {},
+        {"mouthSmileLeft": 1.0, "mouthSmileRight": 1.0, "cheekPuff": 0.6, "browInnerUp": 0.8},
+        {"jawOpen": 1.0, "browInnerUp": 1.0},
+        {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0, "mouthPucker": 1.0},
+    )
+    for k, expression in enumerate(expressions):
+        for side, label in ((-1, "Mia"), (1, "Bruno")):
+            objects = pieces(label)
+            for obj in objects:
+                for key in obj.data.shape_keys.key_blocks if obj.data.shape_keys else ():
+                    key.value = expression.get(key.name, 0.0)
+            bpy.context.view_layer.update()
+            for copy in posed(objects, (k - 1.5) * 0.62 + 1.42 * side, f"{label} {k}"):
+                copy.location.z = 0.0 if side < 0 else 0.34
+    row("faces", 5.2, 300, middle=(0, 0, 1.30), turn=0.0)
+
+
+# ------------------------------------------------------------------ the loop
+
+FRAME_RATE = 12
+LOOP_SIZE = 800, 450
+TOP = 2.0
+"""Height above all characters, metres, where a sweep ends."""
+
+
+def _ramp(nodes, links, height, name, wide):
+    """1 below a level that is set by `Sweep.level`, 0 above, over `wide` metres."""
+    node = nodes.new("ShaderNodeMapRange")
+    node.name = name
+    node["wide"] = wide
+    node.inputs["To Min"].default_value, node.inputs["To Max"].default_value = 1.0, 0.0
+    links.new(height, node.inputs["Value"])
+    return node
+
+
+class Sweep:
+    """Levels that rise over everything: below `colours` the match's colours are seen, below `dressed` the new outfit."""
+
+    def __init__(self):
+        self.group = bpy.data.node_groups.new("Sweep", "ShaderNodeTree")
+        nodes, links = self.group.nodes, self.group.links
+        out = nodes.new("NodeGroupOutput")
+        place, split = nodes.new("ShaderNodeNewGeometry"), nodes.new("ShaderNodeSeparateXYZ")
+        links.new(place.outputs["Position"], split.inputs[0])
+        for name in ("colours", "dressed"):
+            self.group.interface.new_socket(name, in_out="OUTPUT", socket_type="NodeSocketFloat")
+        for name, wide in (("colours", 0.10), ("dressed", 0.03)):
+            links.new(_ramp(nodes, links, split.outputs["Z"], name, wide).outputs["Result"], out.inputs[name])
+        self.level(colours=-1.0, dressed=-1.0)
+
+    def level(self, **levels):
+        for name, height in levels.items():
+            node = self.group.nodes[name]
+            node.inputs["From Min"].default_value = height - node["wide"]
+            node.inputs["From Max"].default_value = height
+
+    def wear(self, objects, shown=None):
+        """Let objects change colour with the sweep; those with `shown` "below" or "above" are seen only there."""
+        for material in {obj.data.materials[0] for obj in objects}:
+            nodes, links = material.node_tree.nodes, material.node_tree.links
+            group = nodes.new("ShaderNodeGroup")
+            group.node_tree = self.group
+            shader, out = nodes["Principled BSDF"], nodes["Material Output"]
+            texture = shader.inputs["Base Color"].links[0].from_socket
+            if shown is None or shown == "above":
+                mix, colours = nodes.new("ShaderNodeMix"), nodes.new("ShaderNodeVertexColor")
+                mix.data_type, colours.layer_name = "RGBA", "match_color"
+                links.new(group.outputs["colours"], mix.inputs["Factor"])
+                links.new(texture, mix.inputs[6])
+                links.new(colours.outputs["Color"], mix.inputs[7])
+                links.new(mix.outputs[2], shader.inputs["Base Color"])
+            if shown:
+                blend, clear = nodes.new("ShaderNodeMixShader"), nodes.new("ShaderNodeBsdfTransparent")
+                links.new(group.outputs["dressed"], blend.inputs["Fac"])
+                first, second = (shader, clear) if shown == "above" else (clear, shader)
+                links.new(first.outputs[0], blend.inputs[1])
+                links.new(second.outputs[0], blend.inputs[2])
+                links.new(blend.outputs[0], out.inputs["Surface"])
+
+
+def loop(folder=None, samples=8):
+    """Ten seconds: colours flow over both, the walk arrives, the outfit arrives."""
+    opened()
+    bpy.context.scene.render.use_persistent_data = True
+    own_clothes = [obj for obj in pieces("Bruno") if obj.name.split(" ")[1] in BRUNOS]
+    bare = pieces("Bruno", BRUNOS)
+    fitted = outfit("Mia", MIAS)
+    keep_carried(pieces("Bruno"))
+    sweep = Sweep()
+    # Garments share materials with Mia's; the copies on Bruno come into view by themselves.
+    for obj in fitted:
+        obj.data.materials[0] = obj.data.materials[0].copy()
+        obj.data.polygons.foreach_set("material_index", np.zeros(len(obj.data.polygons), np.int32))
+    sweep.wear(fitted, "below")
+    sweep.wear(own_clothes, "above")
+    sweep.wear([*pieces("Mia"), *bare])
+    for obj in (*pieces("Mia"), *bare, *own_clothes, *fitted):
+        obj.hide_set(False)
+        obj.hide_render = False
+    # Hidden skin would be seen through clothes that are half gone.
+    for label, x in (("Mia", -0.56), ("Bruno", 0.56)):
+        for root in {top(obj) for obj in pieces(label)}:
+            root.location.x += x
+    studio.built(width=2.75, middle=(0, 0, 0.82), turn=0.12)
+    rigs = {label: next(obj.find_armature() for obj in pieces(label)) for label in ("Mia", "Bruno")}
+    folder = Path(folder or tempfile.mkdtemp())
+    frames, lasting = [], []
+
+    def taken(seconds=1.0 / FRAME_RATE, *, walk=None, moving=("Mia", "Bruno"), **levels):
+        for label, rig in rigs.items():
+            rig.data.pose_position = "POSE" if walk is not None and label in moving else "REST"
+        bpy.context.scene.frame_set(walk or 1)
+        sweep.level(**levels)
+        path = folder / f"{len(frames):03d}.png"
+        if not path.exists():
+            studio.rendered(path, LOOP_SIZE, samples)
+        frames.append(path)
+        lasting.append(round(1000 * seconds))
+
+    heights = np.linspace(0.05, TOP, 10)
+    taken(0.8, colours=-1.0)
+    for height in heights:
+        taken(0.1, colours=height)
+    lasting[-1] = 1200
+    for height in heights[::-1][1:]:
+        taken(0.07, colours=height)
+    strides = range(1, scene.WALK_FRAMES + 1, 2)
+    for frame in strides:
+        taken(walk=frame, moving=("Mia",), colours=-1.0)
+    first = len(frames)
+    for frame in strides:
+        taken(walk=frame)
+    frames += frames[first:]
+    lasting += lasting[first:]
+    for frame, height in zip(strides, np.linspace(0.05, 1.35, len(strides)), strict=True):
+        taken(walk=frame, dressed=height)
+    last = len(frames)
+    for frame in strides:
+        taken(walk=frame, dressed=TOP)
+    frames += frames[last:]
+    lasting += lasting[last:]
+    images = [Image.open(path).convert("RGB") for path in frames]
+    images[0].save(
+        HERE / "loop.webp", save_all=True, append_images=images[1:], duration=lasting, loop=0, quality=72, method=6
+    )
+
+
+def top(obj):
+    while obj.parent:
+        obj = obj.parent
+    return obj
+
+
+PICTURES = {picture.__name__: picture for picture in (matched, texture, outfits, walk, faces, loop)}
+_ = Vector
