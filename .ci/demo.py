@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Two characters of many pieces: one gets the other's weights, rig, walk, texture and outfit, in headless Blender."""
+"""Two characters of many pieces: one gets the other's weights, rig, walk, texture and outfit."""
 
 import argparse
 import os
@@ -71,7 +71,7 @@ def main() -> int:
     print(f"  {time.perf_counter() - started:.1f} s")
     print(f"  weights: {truth.weight_error(mia, bruno):.1f} % on wrong bones, mean over the skin")
     print(f"  joints: {truth.joint_error(mia, bruno, rig):.2f} % of the height from where they belong")
-    print(f"  texture: right at {truth.colour_share(mia, bruno, baked(bruno)):.1%} of the skin")
+    print(f"  texture: right at {truth.colour_share(mia, bruno):.1%} of head and hands")
     bpy.context.view_layer.update()
     studio.statue(bruno.objects, 0.5 * STEP, "In Mia's colours")
 
@@ -132,15 +132,6 @@ def wear_own(actor):
     for obj in actor.objects:
         obj.data.polygons.foreach_set("material_index", np.zeros(len(obj.data.polygons), np.int32))
         obj.data.update()
-
-
-def baked(actor):
-    """The image of the material that a piece shows now."""
-    obj = actor.meshes["Head"]
-    numbers = np.empty(len(obj.data.polygons), np.int32)
-    obj.data.polygons.foreach_get("material_index", numbers)
-    nodes = obj.data.materials[int(np.bincount(numbers).argmax())].node_tree.nodes
-    return next(node.image for node in nodes if node.type == "TEX_IMAGE")
 
 
 if __name__ == "__main__":

@@ -20,6 +20,7 @@ sys.path[:0] = [str(HERE), str(HERE.parents[1])]
 matplotlib.use("Agg")
 
 import sgmds  # noqa: E402
+import show  # noqa: E402
 import stage  # noqa: E402
 from matplotlib import pyplot as plt  # noqa: E402
 from sgmds import characters  # noqa: E402
@@ -303,7 +304,7 @@ PICTURES = {
         distances,
         operators,
     )
-}
+} | show.PICTURES
 
 
 def main():
@@ -317,7 +318,7 @@ def main():
             parser.error(f"no picture is called {name!r}; there are {', '.join(PICTURES)}")
     for name in options.names or PICTURES:
         PICTURES[name]()
-        print(f"wrote docs/gallery/{name}.png", flush=True)
+        print(f"drew {name}", flush=True)
 
 
 if __name__ == "__main__":

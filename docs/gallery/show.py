@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Pictures of whole characters, Mia and Bruno: matched, painted, dressed, walking, and the loop at the top of README.
+"""Pictures of whole characters, Mia and Bruno: matched, painted, dressed, walking, and the loop at the top
+of README.
 
 All are taken from one scene, which is made once a run: `played`.
 """
@@ -11,7 +12,6 @@ from pathlib import Path
 import bpy
 import numpy as np
 from cast import people, scene, studio
-from mathutils import Vector
 from PIL import Image
 
 import addon
@@ -25,6 +25,8 @@ BRUNOS = ("Shirt", "Trousers", "Belt", "Shoes")
 STRIDE = 8
 """Frame of the walk in which both legs are apart."""
 KEYS = "groups,armature,keys"
+LEVELS = (0.7, 0.5)
+"""Fineness of the levels of detail: about a half and a quarter of the vertices."""
 
 
 # ------------------------------------------------------------------ the scene
@@ -32,8 +34,8 @@ KEYS = "groups,armature,keys"
 
 @cache
 def played() -> Path:
-    """The scene as a file. Bruno was matched with Mia and has her rig, walk, keys, texture and outfit; `Mia in blue`
-    and `Bruno in blue` have rigs of their own with other names of bones, and she has his outfit."""
+    """The scene as a file. Bruno was matched with Mia and has her rig, walk, keys, texture and outfit; `Mia
+    in blue` and `Bruno in blue` have rigs of their own with other names of bones, and she has his outfit."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     addon.register()
     try:
@@ -51,6 +53,16 @@ def played() -> Path:
         chosen(other_bruno, other_mia)
         bpy.ops.spectral_match.match()
         fit(other_bruno, BRUNOS)
+        for fineness in LEVELS:
+            level = scene.staged(
+                people.mia(fineness), rig=False, keys=False, texture=False, label=f"Mia × {fineness}"
+            )
+            # Without a layout of its own it gets Mia's.
+            for obj in level.objects:
+                obj.data.uv_layers.remove(obj.data.uv_layers[0])
+            chosen(mia, level)
+            bpy.ops.spectral_match.match()
+            bpy.ops.spectral_match.transfer(kinds="groups,armature,uv,materials")
         path = Path(tempfile.mkdtemp()) / "played.blend"
         bpy.ops.wm.save_as_mainfile(filepath=str(path))
     finally:
@@ -150,7 +162,7 @@ def matched():
     row("matched", 4.9)
 
 
-def texture():
+def painted():
     """Mia, Bruno as he comes, and Bruno in her texture."""
     opened()
     bruno = pieces("Bruno")
@@ -162,7 +174,7 @@ def texture():
     row("painted", 4.2, 540)
 
 
-def outfits():
+def dressed():
     """Who wears it, and the other one in it, both ways, walking."""
     opened(STRIDE)
     bruno = pieces("Bruno", BRUNOS)
@@ -178,7 +190,7 @@ def outfits():
     row("dressed", 4.9, turn=0.15)
 
 
-def walk():
+def walking():
     """The walk that came with Mia's rig, on Bruno."""
     opened(1)
     keep_carried(pieces("Bruno"))
@@ -213,6 +225,29 @@ def faces():
     row("faces", 5.2, 300, middle=(0, 0, 1.30), turn=0.0)
 
 
+def levels():
+    """Mia and two levels of detail that got all from her, with their edges."""
+    opened(STRIDE)
+    for k, label in enumerate(("Mia", *(f"Mia × {fineness}" for fineness in LEVELS))):
+        for copy in posed(pieces(label), (k - 1) * STEP, f"Level {k}"):
+            wire = copy.copy()
+            wire.data = copy.data.copy()
+            wire.data.materials.clear()
+            wire.data.materials.append(ink())
+            wire.data.polygons.foreach_set("material_index", np.zeros(len(wire.data.polygons), np.int32))
+            modifier = wire.modifiers.new("Edges", "WIREFRAME")
+            modifier.thickness, modifier.use_even_offset = 0.0016, False
+            bpy.context.scene.collection.objects.link(wire)
+    row("levels", 3.7, 640)
+
+
+def ink():
+    look = bpy.data.materials.get("Ink") or bpy.data.materials.new("Ink")
+    look.use_nodes = True
+    look.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.03, 0.03, 0.05, 1.0)
+    return look
+
+
 # ------------------------------------------------------------------ the loop
 
 FRAME_RATE = 12
@@ -232,7 +267,8 @@ def _ramp(nodes, links, height, name, wide):
 
 
 class Sweep:
-    """Levels that rise over everything: below `colours` the match's colours are seen, below `dressed` the new outfit."""
+    """Levels that rise over everything: below `colours` the match's colours are seen, below `dressed` the
+    new outfit."""
 
     def __init__(self):
         self.group = bpy.data.node_groups.new("Sweep", "ShaderNodeTree")
@@ -253,7 +289,8 @@ class Sweep:
             node.inputs["From Max"].default_value = height
 
     def wear(self, objects, shown=None):
-        """Let objects change colour with the sweep; those with `shown` "below" or "above" are seen only there."""
+        """Let objects change colour with the sweep; those with `shown` "below" or "above" are seen only
+        there."""
         for material in {obj.data.materials[0] for obj in objects}:
             nodes, links = material.node_tree.nodes, material.node_tree.links
             group = nodes.new("ShaderNodeGroup")
@@ -339,7 +376,13 @@ def loop(folder=None, samples=8):
     lasting += lasting[last:]
     images = [Image.open(path).convert("RGB") for path in frames]
     images[0].save(
-        HERE / "loop.webp", save_all=True, append_images=images[1:], duration=lasting, loop=0, quality=72, method=6
+        HERE / "loop.webp",
+        save_all=True,
+        append_images=images[1:],
+        duration=lasting,
+        loop=0,
+        quality=72,
+        method=6,
     )
 
 
@@ -349,5 +392,6 @@ def top(obj):
     return obj
 
 
-PICTURES = {picture.__name__: picture for picture in (matched, texture, outfits, walk, faces, loop)}
-_ = Vector
+PICTURES = {
+    picture.__name__: picture for picture in (matched, painted, dressed, walking, faces, levels, loop)
+}

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The template that all characters share: a skeleton, the skin around it, and how a build changes both.
 
-Every character is the template, meshed in its own way and then changed by a smooth map of space. So each point of each
-character has one place on the template, and points of two characters with the same place correspond: that is the truth,
-known by construction, for every vertex. Up is +Z, front is −Y, left is +X; the template is 1.6 m tall.
+Every character is the template, meshed in its own way and then changed by a smooth map of space. So each
+point of each character has one place on the template, and points of two characters with the same place
+correspond: that is the truth, known by construction, for every vertex. Up is +Z, front is −Y, left is +X;
+the template is 1.6 m tall.
 """
 
 from __future__ import annotations
@@ -85,7 +86,8 @@ def _skeleton() -> list[Bone]:
 
 
 def arm_frame():
-    """Directions of the left arm at rest: along it, to the back of the hand's inner side (down), to the front."""
+    """Directions of the left arm at rest: along it, to the back of the hand's inner side (down), to the
+    front."""
     along = np.array((0.74, -0.02, -0.67))
     along /= np.linalg.norm(along)
     front = np.array((0.0, -1.0, 0.0)) - along * along[1] * -1.0
@@ -282,7 +284,8 @@ def skin_weights(points) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Puff:
-    """A local change: around `centre`, within about `reach`, space is scaled and shifted; on both sides of the body."""
+    """A local change: around `centre`, within about `reach`, space is scaled and shifted; on both sides of
+    the body."""
 
     centre: tuple[float, float, float]
     reach: tuple[float, float, float]

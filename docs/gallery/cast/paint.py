@@ -253,7 +253,8 @@ def teeth(points, normals):
 
 
 def painted(size: int, pieces) -> np.ndarray:
-    """An image (size, size, 3), first row lowest, of pieces: (brush, places, normals, triangles, corner UVs (m, 3, 2))."""
+    """An image (size, size, 3), first row lowest, of pieces: (brush, places, normals, triangles, corner UVs
+    (m, 3, 2))."""
     image = np.zeros((size, size, 3), np.float32)
     filled = np.zeros((size, size), bool)
     for brush, places, normals, triangles, uv in pieces:

@@ -20,9 +20,9 @@ SKIN = ("Head", "Hands", "Body")
 class Piece:
     """A mesh of a character.
 
-    `places` (n, 3) are its vertices on the template, `vertices` on the character; `faces` are quads or triangles.
-    `weights` (n, bones) are those of the template's bones. `keys` are displacements of the character's vertices by
-    name. `cell` is the part of the texture that it gets: left, bottom and side.
+    `places` (n, 3) are its vertices on the template, `vertices` on the character; `faces` are quads or
+    triangles. `weights` (n, bones) are those of the template's bones. `keys` are displacements of the
+    character's vertices by name. `cell` is the part of the texture that it gets: left, bottom and side.
     """
 
     name: str

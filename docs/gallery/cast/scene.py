@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Persons as Blender's objects: meshes with materials, UVs and a texture, a rig with weights, keys and a walk."""
+"""Persons as Blender's objects: meshes with materials, UVs and a texture, a rig with weights, keys and a
+walk."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Solids as signed distances, and their surfaces as meshes of quads.
 
-A solid is a function from points (n, 3) to signed distances (n,), negative inside; lengths are metres. Distances of
-blended solids are bounds, exact enough near the surface for Newton's steps.
+A solid is a function from points (n, 3) to signed distances (n,), negative inside; lengths are metres.
+Distances of blended solids are bounds, exact enough near the surface for Newton's steps.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ Solid = Callable[[np.ndarray], np.ndarray]
 COARSE = 4
 """Points of the fine grid between two of the coarse one, on which is found where the surface runs."""
 BAND = 2.6
-"""Half width of the band that is sampled finely, in steps of the coarse grid: more than its cell's diagonal."""
+"""Half width of the band that is sampled finely, in steps of the coarse grid: more than its cell's
+diagonal."""
 DIFFERENCE = 1e-4
 """Step of the gradient's differences: far below all details, far above rounding."""
 RELAXATIONS = 8
@@ -131,8 +132,9 @@ def bounded(solid: Solid, low, high, margin: float = 0.06) -> Solid:
 
 
 def ribbon(solid: Solid, centre, axes, turns, half_width: float, height: float, steps: int):
-    """A band around a solid: for `steps` angles between two `turns` the surface is sought from `centre` outwards in the
-    plane of the two `axes` (2, 3). Vertices and quads, open at its ends unless it goes all the way round."""
+    """A band around a solid: for `steps` angles between two `turns` the surface is sought from `centre`
+    outwards in the plane of the two `axes` (2, 3). Vertices and quads, open at its ends unless it goes all
+    the way round."""
     first, second = np.array(axes, float)
     normal = np.cross(first, second)
     normal /= np.linalg.norm(normal)
@@ -194,8 +196,8 @@ def laid_on(function: Solid, points, steps: int = 3) -> np.ndarray:
 
 
 def magnified(solid: Solid, view: Callable[[np.ndarray], np.ndarray], *box_and_grid):
-    """As `surface`, on a grid that a map of space makes finer in places: `view` takes points of the grid's space to
-    the solid's."""
+    """As `surface`, on a grid that a map of space makes finer in places: `view` takes points of the grid's
+    space to the solid's."""
     vertices, quads = surface(lambda points: solid(view(points)), *box_and_grid)
     return view(vertices), quads
 
@@ -204,8 +206,8 @@ def surface(solid: Solid, low, high, spacing: float, turn: float = 0.0) -> tuple
     """Vertices and quads (m, 4) of a solid within a box, by surface nets on a grid turned about the vertical.
 
     # Source
-    S. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998: one vertex in each cell that the surface crosses,
-    relaxed along the surface.
+    S. Gibson, "Constrained Elastic Surface Nets", MICCAI 1998: one vertex in each cell that the surface
+    crosses, relaxed along the surface.
     """
     about = np.array([(np.cos(turn), -np.sin(turn), 0), (np.sin(turn), np.cos(turn), 0), (0, 0, 1)])
     corners = np.array(

@@ -77,8 +77,8 @@ def quiet_output():
 
 
 def statue(objects, x: float, name: str, colours: str | None = None):
-    """Copies of objects as they are seen now, moved so that what stood at `objects[0]`'s place stands at `x`; with
-    `colours`, a vertex attribute of that name is their look."""
+    """Copies of objects as they are seen now, moved so that what stood at `objects[0]`'s place stands at
+    `x`; with `colours`, a vertex attribute of that name is their look."""
     collection = bpy.data.collections.new(name)
     bpy.context.scene.collection.children.link(collection)
     graph = bpy.context.evaluated_depsgraph_get()

@@ -15,7 +15,8 @@ HEIGHT = 1.6
 
 
 def images(source: Actor, target: Actor, piece: str):
-    """For each vertex of a piece of the target: where its image lies on the template (n, 3), and its weights there."""
+    """For each vertex of a piece of the target: where its image lies on the template (n, 3), and its
+    weights there."""
     mesh = target.meshes[piece].data
     count = len(mesh.vertices)
     given = target.meshes[piece].spectral_match_pieces
@@ -52,7 +53,8 @@ def skin_errors(source: Actor, target: Actor) -> np.ndarray:
 
 
 def near_bone_share(source: Actor, target: Actor) -> float:
-    """Share of all vertices, clothes and hair too, whose image hangs on the bone that it should or on a neighbour."""
+    """Share of all vertices, clothes and hair too, whose image hangs on the bone that it should or on a
+    neighbour."""
     parents = np.array(
         [next((i for i, b in enumerate(SKELETON) if b.name == bone.parent), -1) for bone in SKELETON]
     )
@@ -81,7 +83,8 @@ def weight_error(source: Actor, target: Actor) -> float:
 
 
 def joint_error(source: Actor, target: Actor, rig) -> float:
-    """Mean way of the joints of a carried rig from where the target's build has them, in % of the template's height."""
+    """Mean way of the joints of a carried rig from where the target's build has them, in % of the
+    template's height."""
     heads = target.person.build.joints()[0]
     offset = np.array(target.meshes["Body"].matrix_world.translation)
     away = []
@@ -91,28 +94,39 @@ def joint_error(source: Actor, target: Actor, rig) -> float:
     return float(100 * np.mean(away) / HEIGHT)
 
 
-def colour_share(source: Actor, target: Actor, image, tolerance: float = 0.1) -> float:
-    """Share of the skin's triangles whose middle shows, in a baked texture, the colour that the source is painted there:
-    each channel within `tolerance`."""
-    size = image.size[0]
-    pixels = np.empty(4 * size * image.size[1], np.float32)
-    image.pixels.foreach_get(pixels)
-    pixels = pixels.reshape(image.size[1], size, 4)[..., :3]
+def colour_share(source: Actor, target: Actor, pieces=("Head", "Hands"), tolerance: float = 0.1) -> float:
+    """Share of the pieces' triangles whose middle shows, in the texture that was baked for them, the colour that
+    the source is painted there: each channel within `tolerance`."""
     right = []
-    for name in SKIN:
+    for name in pieces:
+        pixels = _pixels(shown_image(target.meshes[name]))
         mesh, piece = target.meshes[name].data, target.person.piece(name)
         corners, loops = triangles(mesh)
-        texel = np.clip(
-            (corner_uv(mesh)[loops].mean(axis=1) * (size, image.size[1])).astype(int), 0, size - 1
-        )
+        height, width = pixels.shape[:2]
+        texel = (corner_uv(mesh)[loops].mean(axis=1) * (width, height)).astype(int)
         places = piece.places[corners].mean(axis=1)
         wanted = source.person.piece(name).brush(places, piece.normals[corners].mean(axis=1))
         right.append((np.abs(pixels[texel[:, 1], texel[:, 0]] - wanted) < tolerance).all(axis=1))
     return float(np.concatenate(right).mean())
 
 
+def shown_image(obj):
+    """The image of the material that most faces of an object show."""
+    numbers = np.empty(len(obj.data.polygons), np.int32)
+    obj.data.polygons.foreach_get("material_index", numbers)
+    nodes = obj.data.materials[int(np.bincount(numbers).argmax())].node_tree.nodes
+    return next(node.image for node in nodes if node.type == "TEX_IMAGE")
+
+
+def _pixels(image):
+    pixels = np.empty(4 * image.size[0] * image.size[1], np.float32)
+    image.pixels.foreach_get(pixels)
+    return pixels.reshape(image.size[1], image.size[0], 4)[..., :3]
+
+
 def fitted_errors(source: Actor, target: Actor, copies: dict[str, bpy.types.Object]) -> np.ndarray:
-    """Way of each vertex of fitted garments from where the target's build puts it, in % of the template's height."""
+    """Way of each vertex of fitted garments from where the target's build puts it, in % of the template's
+    height."""
     away = []
     for name, obj in copies.items():
         points = np.empty(3 * len(obj.data.vertices), np.float32)

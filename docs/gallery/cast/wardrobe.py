@@ -133,7 +133,8 @@ def lashes(columns, size=0.12):
 
 
 def _shell(columns, hinges, thick, side):
-    """Points around an eye: `hinges` (rows,) are angles up from the front; the first row is folded inwards."""
+    """Points around an eye: `hinges` (rows,) are angles up from the front; the first row is folded
+    inwards."""
     across = np.linspace(-1.45, 1.45, columns)[:, None]
     hinges = np.concatenate([hinges[:1], hinges])
     size = np.full(len(hinges), 1.0 + thick)
