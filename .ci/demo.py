@@ -18,9 +18,14 @@ from cast import people, scene, studio, truth  # noqa: E402
 
 import addon  # noqa: E402
 
-# What the demo fails beyond: about half as much again as is measured.
-SKIN_ERROR_BOUND = 4.0
-NEAR_BONE_BOUND = 0.9
+# What the demo fails beyond: about half as much again as is measured (1.7, 1.9, 8.5, 0.9 and 3.1).
+BOUNDS = {
+    "way of the skin's images from where they belong, % of the height": 2.7,
+    "vertices neither on the right bone nor on its neighbour, %": 3.0,
+    "weight on wrong bones, %": 13.0,
+    "way of the joints from where they belong, % of the height": 1.5,
+    "way of the cloth from where his build puts it, % of the height": 4.7,
+}
 OUTFIT = ("Coat", "Buttons", "Leggings", "Boots", "Satchel")
 TAKEN_OFF = ("Shirt", "Trousers", "Belt", "Shoes")
 STEP = 1.12
@@ -56,21 +61,18 @@ def main() -> int:
     bpy.ops.spectral_match.match()
     seconds = time.perf_counter() - started
     errors = truth.skin_errors(mia, bruno)
-    near = truth.near_bone_share(mia, bruno)
+    measured = [errors.mean(), 100 * (1 - truth.near_bone_share(mia, bruno))]
     grade = bruno.meshes["Head"].data.spectral_match.grade
-    print(f"  {seconds:.1f} s, graded {grade.lower()}")
     print(
-        f"  skin: mean error {errors.mean():.2f} % of the height, 95 % below {np.quantile(errors, 0.95):.2f} %"
+        f"  {seconds:.1f} s, graded {grade.lower()}; 95 % of the skin within {np.quantile(errors, 0.95):.1f} %"
     )
-    print(f"  all pieces: {near:.1%} of the vertices on the right bone or its neighbour")
 
     print("transferring weights, rig, walk, keys and texture …", flush=True)
     started = time.perf_counter()
     bpy.ops.spectral_match.transfer(kinds="groups,armature,keys,materials,textures")
     rig = bruno.meshes["Body"].find_armature()
     print(f"  {time.perf_counter() - started:.1f} s")
-    print(f"  weights: {truth.weight_error(mia, bruno):.1f} % on wrong bones, mean over the skin")
-    print(f"  joints: {truth.joint_error(mia, bruno, rig):.2f} % of the height from where they belong")
+    measured += [truth.weight_error(mia, bruno), truth.joint_error(mia, bruno, rig)]
     print(f"  texture: right at {truth.colour_share(mia, bruno):.1%} of head and hands")
     bpy.context.view_layer.update()
     studio.statue(bruno.objects, 0.5 * STEP, "In Mia's colours")
@@ -84,9 +86,8 @@ def main() -> int:
     started = time.perf_counter()
     bpy.ops.spectral_match.fit_outfit(garments="\n".join(mia.meshes[name].name for name in OUTFIT))
     copies = {name: copy_of(mia.meshes[name]) for name in OUTFIT}
-    fitted = truth.fitted_errors(mia, bruno, copies)
+    measured.append(truth.fitted_errors(mia, bruno, copies).mean())
     print(f"  {time.perf_counter() - started:.1f} s; {bpy.context.scene.spectral_match.outfit_inside}")
-    print(f"  cloth: mean {fitted.mean():.2f} % of the height from where his build puts it")
 
     blend, picture = options.output / "demo.blend", options.output / "demo.png"
     studio.built(width=4.9)
@@ -98,11 +99,10 @@ def main() -> int:
         print("rendering …", flush=True)
         studio.rendered(picture, (1200, 540), options.samples)
         print(f"wrote {picture}")
-    print(
-        f"mean error of the skin: {errors.mean():.2f} % of the height (at most {SKIN_ERROR_BOUND:g}); "
-        f"right bone or neighbour: {near:.1%} (at least {NEAR_BONE_BOUND:.0%})"
-    )
-    return 0 if errors.mean() <= SKIN_ERROR_BOUND and near >= NEAR_BONE_BOUND else 1
+    print("means, against what is known by construction:")
+    for (what, bound), value in zip(BOUNDS.items(), measured, strict=True):
+        print(f"  {value:5.2f}  {what} (at most {bound:g})")
+    return 0 if (np.array(measured) <= list(BOUNDS.values())).all() else 1
 
 
 def vertices(actor):

@@ -94,9 +94,9 @@ def joint_error(source: Actor, target: Actor, rig) -> float:
     return float(100 * np.mean(away) / HEIGHT)
 
 
-def colour_share(source: Actor, target: Actor, pieces=("Head", "Hands"), tolerance: float = 0.1) -> float:
-    """Share of the pieces' triangles whose middle shows, in the texture that was baked for them, the colour that
-    the source is painted there: each channel within `tolerance`."""
+def colour_share(source: Actor, target: Actor, pieces=("Head", "Hands"), tolerance=0.1) -> float:
+    """Share of the pieces' triangles whose middle shows, in the texture that was baked for them, the colour
+    that the source is painted there: each channel within `tolerance`."""
     right = []
     for name in pieces:
         pixels = _pixels(shown_image(target.meshes[name]))
