@@ -5,13 +5,16 @@ of README.
 All are taken from one scene, which is made once a run: `played`.
 """
 
+import contextlib
 import tempfile
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
 import bpy
 import numpy as np
 from cast import people, scene, studio
+from cast.anatomy import INDEX
 from PIL import Image
 
 import addon
@@ -36,9 +39,8 @@ LEVELS = (0.7, 0.5)
 def played() -> Path:
     """The scene as a file. Bruno was matched with Mia and has her rig, walk, keys, texture and outfit; `Mia
     in blue` and `Bruno in blue` have rigs of their own with other names of bones, and she has his outfit."""
-    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
-    addon.register()
-    try:
+    cleared()
+    with registered():
         girl, sailor = people.mia(), people.bruno()
         mia = scene.staged(girl)
         scene.add_walk(mia, 2)
@@ -53,28 +55,30 @@ def played() -> Path:
         chosen(other_bruno, other_mia)
         bpy.ops.spectral_match.match()
         fit(other_bruno, BRUNOS)
-        for fineness in LEVELS:
-            level = scene.staged(
-                people.mia(fineness), rig=False, keys=False, texture=False, label=f"Mia × {fineness}"
-            )
-            # Without a layout of its own it gets Mia's.
-            for obj in level.objects:
-                obj.data.uv_layers.remove(obj.data.uv_layers[0])
-            chosen(mia, level)
-            bpy.ops.spectral_match.match()
-            bpy.ops.spectral_match.transfer(kinds="groups,armature,uv,materials")
         path = Path(tempfile.mkdtemp()) / "played.blend"
         bpy.ops.wm.save_as_mainfile(filepath=str(path))
-    finally:
-        addon.unregister()
     return path
 
 
-def chosen(source, target):
+def cleared():
+    bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
+
+
+@contextlib.contextmanager
+def registered():
+    """The extension, until the picture is drawn."""
+    addon.register()
+    try:
+        yield
+    finally:
+        addon.unregister()
+
+
+def chosen(source, target, piece="Body"):
     bpy.ops.object.select_all(action="DESELECT")
     for actor in (target, source):
-        actor.meshes["Body"].select_set(True)
-    bpy.context.view_layer.objects.active = source.meshes["Body"]
+        actor.meshes[piece].select_set(True)
+    bpy.context.view_layer.objects.active = source.meshes[piece]
 
 
 def fit(wearer, names):
@@ -196,40 +200,82 @@ def walking():
     keep_carried(pieces("Bruno"))
     for k, frame in enumerate((1, 7, 13, 19)):
         bpy.context.scene.frame_set(frame)
-        for level, label in enumerate(("Mia", "Bruno")):
-            for copy in posed(pieces(label), (k - 1.5) * 1.05 + 4.6 * (level - 0.5), f"{label} {k}"):
-                copy.rotation_euler.z = 0.0
-    row("walking", 9.4, 340, turn=0.5)
+        for side, label in ((-1, "Mia"), (1, "Bruno")):
+            for copy in posed(pieces(label), 0.85 * (k - 1.5) + 1.95 * side, f"{label} {k}"):
+                copy.rotation_euler.z = -0.75
+    row("walking", 7.6, 330)
+
+
+FACE = ("Head", "Eyes", "Lids", "Lashes", "Mouth", "Brows")
+LIFT = 0.36
+"""By which Bruno's head is lifted to Mia's."""
+EXPRESSIONS = (
+    {},
+    {"mouthSmileLeft": 1.2, "mouthSmileRight": 1.2, "cheekSquintLeft": 1.0, "cheekSquintRight": 1.0},
+    {"jawOpen": 1.0},
+    {"mouthPucker": 1.0, "cheekPuff": 1.0},
+)
 
 
 def faces():
-    """Keys of Mia's face, and the same on Bruno's."""
-    opened()
-    bruno = pieces("Bruno")
-    keep_carried(bruno)
-    expressions = (
-        {},
-        {"mouthSmileLeft": 1.0, "mouthSmileRight": 1.0, "cheekPuff": 0.6, "browInnerUp": 0.8},
-        {"jawOpen": 1.0, "browInnerUp": 1.0},
-        {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0, "mouthPucker": 1.0},
-    )
-    for k, expression in enumerate(expressions):
-        for side, label in ((-1, "Mia"), (1, "Bruno")):
-            objects = pieces(label)
-            for obj in objects:
+    """Keys of Mia's face, and the same on Bruno's; the heads were matched by themselves."""
+    cleared()
+    heads = []
+    for person, keys in ((people.mia(), True), (people.bruno(), False)):
+        shown = [piece for piece in person.pieces if not piece.weights[:, INDEX["hips"]].any()]
+        face = [piece for piece in shown if piece.name in FACE]
+        dressed = [
+            piece for piece in shown if piece not in face and piece.name not in ("Hands", "Shoes", "Boots")
+        ]
+        heads.append(
+            (
+                scene.staged(replace(person, pieces=face), rig=False, keys=keys),
+                scene.staged(
+                    replace(person, pieces=dressed), rig=False, keys=False, label=f"{person.name} wears"
+                ),
+            )
+        )
+    (mia, _), (bruno, _) = heads
+    with registered():
+        chosen(mia, bruno, "Head")
+        bpy.ops.spectral_match.match()
+        bpy.ops.spectral_match.transfer(kinds="keys")
+    for k, expression in enumerate(EXPRESSIONS):
+        for side, (face, worn) in zip((-1, 1), heads, strict=True):
+            for obj in face.objects:
                 for key in obj.data.shape_keys.key_blocks if obj.data.shape_keys else ():
+                    key.slider_max = 2.0
                     key.value = expression.get(key.name, 0.0)
             bpy.context.view_layer.update()
-            for copy in posed(objects, (k - 1.5) * 0.62 + 1.42 * side, f"{label} {k}"):
-                copy.location.z = 0.0 if side < 0 else 0.34
-    row("faces", 5.2, 300, middle=(0, 0, 1.30), turn=0.0)
+            copies = posed([*face.objects, *worn.objects], 0.46 * (k - 1.5) + 0.98 * side, f"{side} {k}")
+            lift = 0.0 if side < 0 else LIFT
+            for copy in copies:
+                copy.location.z = lift
+                copy.rotation_euler.z = 0.25
+    row("faces", 3.9, 300, middle=(0, 0, 1.46))
 
 
 def levels():
     """Mia and two levels of detail that got all from her, with their edges."""
-    opened(STRIDE)
-    for k, label in enumerate(("Mia", *(f"Mia × {fineness}" for fineness in LEVELS))):
-        for copy in posed(pieces(label), (k - 1) * STEP, f"Level {k}"):
+    cleared()
+    mia = scene.staged(people.mia())
+    scene.add_walk(mia)
+    shown = [mia]
+    for fineness in LEVELS:
+        level = scene.staged(
+            people.mia(fineness), rig=False, keys=False, texture=False, label=f"Mia × {fineness}"
+        )
+        # Without a layout of its own it gets Mia's.
+        for obj in level.objects:
+            obj.data.uv_layers.remove(obj.data.uv_layers[0])
+        with registered():
+            chosen(mia, level)
+            bpy.ops.spectral_match.match()
+            bpy.ops.spectral_match.transfer(kinds="groups,armature,uv,materials")
+        shown.append(level)
+    bpy.context.scene.frame_set(STRIDE)
+    for k, actor in enumerate(shown):
+        for copy in posed(actor.objects, (k - 1) * STEP, f"Level {k}"):
             wire = copy.copy()
             wire.data = copy.data.copy()
             wire.data.materials.clear()
@@ -250,8 +296,8 @@ def ink():
 
 # ------------------------------------------------------------------ the loop
 
-FRAME_RATE = 12
-LOOP_SIZE = 800, 450
+FRAME_RATE = 8
+LOOP_SIZE = 720, 405
 TOP = 2.0
 """Height above all characters, metres, where a sweep ends."""
 
@@ -313,7 +359,7 @@ class Sweep:
                 links.new(blend.outputs[0], out.inputs["Surface"])
 
 
-def loop(folder=None, samples=8):
+def loop(folder=None, samples=6):
     """Ten seconds: colours flow over both, the walk arrives, the outfit arrives."""
     opened()
     bpy.context.scene.render.use_persistent_data = True
@@ -352,14 +398,14 @@ def loop(folder=None, samples=8):
         frames.append(path)
         lasting.append(round(1000 * seconds))
 
-    heights = np.linspace(0.05, TOP, 10)
+    heights = np.linspace(0.1, TOP, 9)
     taken(0.8, colours=-1.0)
     for height in heights:
         taken(0.1, colours=height)
     lasting[-1] = 1200
     for height in heights[::-1][1:]:
         taken(0.07, colours=height)
-    strides = range(1, scene.WALK_FRAMES + 1, 2)
+    strides = range(1, scene.WALK_FRAMES + 1, 3)
     for frame in strides:
         taken(walk=frame, moving=("Mia",), colours=-1.0)
     first = len(frames)

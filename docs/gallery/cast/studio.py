@@ -12,6 +12,7 @@ import numpy as np
 from mathutils import Vector
 
 PAPER = (0.72, 0.76, 0.78)
+LIGHT_SPREAD = 2.2
 
 
 def built(middle=(0.0, 0.0, 0.72), width: float = 4.0, elevation: float = 0.07, turn: float = 0.0):
@@ -136,6 +137,8 @@ def _paper():
 def _light(name, place, towards, power, size, colour):
     light = bpy.data.lights.new(name, "AREA")
     light.energy, light.size, light.color = power, size, colour
+    # Narrower than a half space, or the paper would show where that ends.
+    light.spread = LIGHT_SPREAD
     obj = bpy.data.objects.new(name, light)
     obj.location = place
     obj.rotation_euler = (Vector(towards) - Vector(place)).to_track_quat("-Z", "Y").to_euler()

@@ -251,20 +251,20 @@ def girl_hair(spacing, turn):
         (0.026, 0.024, 0.020, 0.006),
     )
     tail = [
-        (0.158, 0.055, 1.34),
-        (0.190, 0.055, 1.285),
-        (0.200, 0.045, 1.215),
-        (0.196, 0.030, 1.15),
-        (0.182, 0.016, 1.095),
+        (0.158, 0.055, 1.345),
+        (0.196, 0.055, 1.325),
+        (0.216, 0.050, 1.280),
+        (0.214, 0.042, 1.235),
+        (0.198, 0.032, 1.195),
     ]
-    pig = tube(np.array(tail), (0.030, 0.046, 0.050, 0.040, 0.010))
-    pig = sculpt.bumped(pig, lambda p: 0.003 * np.cos(9 * np.arctan2(p[:, 0] - 0.195, p[:, 1] - 0.045)))
+    pig = tube(np.array(tail), (0.028, 0.042, 0.046, 0.036, 0.010))
+    pig = sculpt.bumped(pig, lambda p: 0.003 * np.cos(9 * np.arctan2(p[:, 0] - 0.210, p[:, 1] - 0.048)))
     hair = blend(0.010, hair, mirrored(strand), mirrored(pig))
     return sculpt.surface(hair, (-0.27, -0.25, 1.05), (0.27, 0.25, 1.68), spacing, turn)
 
 
 def girl_ties(spacing, turn):
-    tie = ring((0.166, 0.056, 1.322), (0.55, 0.0, -0.85), 0.028, 0.012)
+    tie = ring((0.170, 0.056, 1.340), (0.85, 0.0, -0.50), 0.029, 0.012)
     return sculpt.surface(mirrored(tie), (-0.24, -0.02, 1.25), (0.24, 0.14, 1.40), spacing, turn)
 
 
