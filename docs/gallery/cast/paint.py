@@ -259,6 +259,8 @@ def painted(size: int, pieces) -> np.ndarray:
     filled = np.zeros((size, size), bool)
     for brush, places, normals, triangles, uv in pieces:
         texel, face, weights = _covered(size * uv)
+        within = ((texel >= 0) & (texel < size)).all(axis=1)
+        texel, face, weights = texel[within], face[within], weights[within]
         corners = triangles[face]
         at = np.einsum("ni,nid->nd", weights, places[corners])
         up = np.einsum("ni,nid->nd", weights, normals[corners])
