@@ -12,7 +12,7 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from sgmds import characters
 from sgmds.cli import main
-from sgmds.evaluation import TruthDistances, evaluate, find_sets, sparsification
+from sgmds.evaluation import TruthDistances, evaluate, find_sets, random_rotation, sparsification
 
 
 def write_off(path, vertices, faces):
@@ -77,6 +77,33 @@ def test_lines_are_spread_evenly_and_missing_ones_left_out(folder):
     some = shapes.truth("stout1", "slender1", 10**6, lines=50)
     assert (whole.a >= 0).all() and (whole.b >= 0).all()
     assert np.array_equal(some.a, whole.a[np.linspace(0, len(whole.a) - 1, 50).astype(int)])
+
+
+def test_shapes_are_matched_turned_and_measured_as_given(folder, slender):
+    """Distances stay, so a right map has no error; each name has a rotation of its own."""
+    seen = {}
+
+    def true(source, target):
+        seen["source"], seen["target"] = source[0], target[0]
+        return find_sets(folder)[0].saved_map("TRUE", "stout1", "slender1")
+
+    pair = evaluate(folder, method=true, rotate=7).pairs[0]
+    assert pair.direct == 0 and pair.flipped is not None
+    turned, given = seen["source"], np.asarray(slender.vertices)
+    assert np.allclose(turned @ turned.T, given @ given.T) and not np.allclose(turned, given)
+    rotation = random_rotation(7, "slender1")
+    assert np.allclose(turned, given @ rotation.T)
+    assert np.isclose(np.linalg.det(rotation), 1) and not np.allclose(rotation, random_rotation(7, "stout1"))
+
+
+def test_lines_that_are_nearer_to_the_other_side_are_counted(tmp_path):
+    """A row of points, mirrored at its middle: of five, two are exchanged and one is its own partner."""
+    from sgmds.evaluation import Truth, _flipped
+
+    a, b, other = np.arange(5), np.arange(5), np.arange(5)[::-1]
+    images = np.array([4, 3, 2, 3, 4])
+    truth = Truth(a, b, a, other, a)
+    assert _flipped(truth, abs(images - b), abs(images - other)) == 0.5
 
 
 def test_reverse_asks_the_other_way(folder):

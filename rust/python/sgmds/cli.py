@@ -135,6 +135,9 @@ def _parser() -> argparse.ArgumentParser:
     )
     evaluate.add_argument("--distances", choices=("heat", "exact"), default="heat")
     evaluate.add_argument("--reverse", action="store_true", help="every pair the other way round")
+    evaluate.add_argument(
+        "--rotate", type=_natural, metavar="SEED", help="every shape is matched turned at random"
+    )
     evaluate.add_argument("--metric", choices=METRICS, default="euclidean")
     evaluate.add_argument("--part", choices=("source", "target"))
     evaluate.add_argument(
@@ -384,6 +387,7 @@ def _evaluate(options) -> int:
         lines=options.lines or None,
         distances=options.distances,
         reverse=options.reverse,
+        rotate=options.rotate,
         metric=options.metric,
         compare=options.plot is not None,
         cache=options.cache,

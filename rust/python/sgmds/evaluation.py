@@ -28,6 +28,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 import numpy as np
 
@@ -320,6 +321,15 @@ class TruthDistances:
         return row
 
 
+def random_rotation(seed: int, name: str) -> np.ndarray:
+    """A rotation, (3, 3), uniform over all: that of a random unit quaternion, for a name always the same."""
+    w, *v = np.random.default_rng([seed, crc32(name.encode())]).normal(size=4)
+    scale = 2.0 / (w * w + np.dot(v, v))
+    x, y, z = v
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + scale * (w * cross + cross @ cross)
+
+
 # ------------------------------------------------------------------ one pair
 
 
@@ -393,6 +403,8 @@ class PairResult:
     grade: str | None = None
     reasons: list[str] = field(default_factory=list)
     alternatives: list[float] = field(default_factory=list)
+    flipped: float | None = None
+    """Share of the truth lines that are nearer to the truth with the sides exchanged, where that is known."""
     confidence: dict[str, float] = field(default_factory=dict)
     energy: float | None = None
     """Where a minimisation ended, and the norm of the gradient there."""
@@ -430,6 +442,8 @@ class SetResult:
     distances: str
     bound: float
     pairs: list[PairResult] = field(default_factory=list)
+    rotated: int | None = None
+    """Seed of the rotations, where shapes were turned."""
     failed: dict[str, str] = field(default_factory=dict)
     prepare_seconds: dict[str, float] = field(default_factory=dict)
     saved: dict[str, list[np.ndarray]] = field(default_factory=dict, repr=False)
@@ -461,6 +475,9 @@ class SetResult:
         if minimised:
             result["median_energy"] = _median([p.energy for p in minimised])
             result["median_gradient_norm"] = _median([p.gradient_norm for p in minimised])
+        flipped = [p.flipped for p in self.pairs if p.flipped is not None]
+        if flipped:
+            result["flipped"] = _mean(flipped)
         for figure in sorted({key for p in self.pairs for key in p.confidence}):
             result[figure] = _mean([p.confidence[figure] for p in self.pairs if figure in p.confidence])
         return result
@@ -474,6 +491,8 @@ class SetResult:
             f"  {s['right']} of {s['pairs']} right (below {self.bound:g}; their mean "
             f"{s['direct_of_right']:.2f}), {s['mirrored']} mirrored, {s['broken']} broken, "
             f"{s['failed']} failed",
+            *([f"  every shape turned at random (seed {self.rotated})"] if self.rotated is not None else []),
+            *([f"  nearer to the other side: {s['flipped']:.3f}"] if "flipped" in s else []),
             f"  below 0.25 / 0.10 / 0.05: {s['under_0.25']:.3f} / {s['under_0.10']:.3f} / "
             f"{s['under_0.05']:.3f}",
             f"  median time: match {s['median_seconds']:.2f} s, preparing a shape "
@@ -537,6 +556,7 @@ class Evaluation:
                 "method": s.method,
                 "distances": s.distances,
                 "bound": s.bound,
+                "rotated": s.rotated,
                 "summary": s.summary(),
                 "thresholds": CURVE_THRESHOLDS.tolist(),
                 "curves": {name: curve.tolist() for name, curve in s.curves().items()},
@@ -596,6 +616,7 @@ def evaluate(
     lines: int | None = TRUTH_LINES,
     distances: str = "heat",
     reverse: bool = False,
+    rotate: int | None = None,
     metric: str = "euclidean",
     compare: bool = False,
     cache=None,
@@ -609,10 +630,11 @@ def evaluate(
     `method` is one of `match`'s, "saved:NAME" for the maps stored with the set, or a callable `(source,
     target) -> vertex ids` given (vertices, faces) twice. A pair is *right* when its direct error ×100 is
     below `bound`, else *mirrored* when the error against the swapped truth is, else *broken*. `distances` is
-    "heat" or "exact", `lines` the truth lines asked of a pair, `reverse` turns every pair round. `metric` is
-    that of the prepared shapes; errors are always measured in space. `compare` measures saved maps of other
-    methods on the same pairs too, `cache` is a folder that keeps truth distances between runs. `report`
-    receives each line of the table. Everything else goes to `match`.
+    "heat" or "exact", `lines` the truth lines asked of a pair, `reverse` exchanges source and target of every
+    pair. With `rotate`, a seed, every shape is matched turned at random, so that nothing can be read off how
+    it stands. `metric` is that of the prepared shapes; errors are always measured in space. `compare`
+    measures saved maps of other methods on the same pairs too, `cache` is a folder that keeps truth distances
+    between runs. `report` receives each line of the table. Everything else goes to `match`.
 
     Each shape is prepared once and let go after its last pair. A pair that cannot be matched is listed in
     `failed`.
@@ -626,6 +648,8 @@ def evaluate(
     for name, count in (("limit", limit), ("lines", lines)):
         if count is not None:
             checked_count(name, count, 1)
+    if rotate is not None:
+        checked_count("rotate", rotate, 0)
     checked_threads(match_options.get("threads"))
     for name in ("landmarks", "without"):
         if name in match_options:
@@ -644,6 +668,7 @@ def evaluate(
                 lines,
                 distances,
                 reverse,
+                rotate,
                 metric,
                 compare,
                 cache,
@@ -663,6 +688,7 @@ def _evaluate_set(
     lines,
     distances,
     reverse,
+    rotate,
     metric,
     compare,
     cache,
@@ -676,8 +702,8 @@ def _evaluate_set(
     if reverse:
         pairs = [(b, a) for a, b in pairs]
     label = method if isinstance(method, str) else getattr(method, "__name__", "callable")
-    result = SetResult(shapes.name, label, distances, bound)
-    pool = _ShapePool(shapes, pairs, distances, metric, cache, match_options.get("threads"))
+    result = SetResult(shapes.name, label, distances, bound, rotated=rotate)
+    pool = _ShapePool(shapes, pairs, distances, metric, rotate, cache, match_options.get("threads"))
     others = [m for m in shapes.saved_maps() if SAVED + m != label] if compare else []
     report(ROW_HEADER)
     for a, b in pairs:
@@ -706,7 +732,7 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
     corr = None
     if callable(method):
         started = time.perf_counter()
-        images = method(pool.mesh(b), pool.mesh(a))
+        images = method(pool.turned(b), pool.turned(a))
     elif method.startswith(SAVED):
         started = time.perf_counter()
         images = shapes.saved_map(method[len(SAVED) :], a, b)
@@ -727,10 +753,11 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
     on_b = pool.distances(b)
     errors = pair_errors(on_b, images, truth.a, truth.b)
     figures = error_summary(errors)
-    swapped = swapped_errors = None
+    swapped = swapped_errors = flipped = None
     if truth.swapped_a is not None:
         swapped_errors = pair_errors(on_b, images, truth.swapped_a, truth.swapped_b)
         swapped = error_summary(swapped_errors)["mean"]
+        flipped = _flipped(truth, errors, swapped_errors)
     status = "broken"
     if figures["mean"] < bound:
         status = "right"
@@ -746,6 +773,7 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
         len(truth.a),
         figures["matched"],
         seconds,
+        flipped=flipped,
         errors=errors,
         swapped_errors=swapped_errors,
     )
@@ -763,6 +791,14 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
             pool.distances(a), truth.all_a, confidence
         )
     return pair
+
+
+def _flipped(truth: Truth, errors, swapped_errors) -> float | None:
+    """Share of the lines that are nearer to the other side, of those with an image and a partner there."""
+    if truth.swapped_a is None or not np.array_equal(truth.a, truth.swapped_a):
+        return None
+    known = ~np.isnan(errors) & (truth.b != truth.swapped_b)
+    return float((swapped_errors[known] < errors[known]).mean()) if known.any() else None
 
 
 def _missing_parts(on_a: TruthDistances, present, confidence) -> dict[str, float]:
@@ -787,9 +823,18 @@ class _ShapePool:
     """Meshes, prepared shapes and truth distances, each made when first needed and dropped after its last
     pair."""
 
-    def __init__(self, shapes: ShapeSet, pairs, distances: str, metric: str, cache, threads: int | None):
+    def __init__(
+        self,
+        shapes: ShapeSet,
+        pairs,
+        distances: str,
+        metric: str,
+        rotate: int | None,
+        cache,
+        threads: int | None,
+    ):
         self._shapes, self._kind, self._metric, self._cache = shapes, distances, metric, cache
-        self._threads = threads
+        self._threads, self._rotate = threads, rotate
         self._uses = Counter(name for pair in pairs for name in pair)
         self._meshes: dict[str, tuple[np.ndarray, np.ndarray]] = {}
         self._made: dict[str, Any] = {}
@@ -801,11 +846,18 @@ class _ShapePool:
             self._meshes[name] = self._shapes.mesh(name)
         return self._meshes[name]
 
+    def turned(self, name):
+        """The mesh as it is matched."""
+        vertices, faces = self.mesh(name)
+        if self._rotate is None:
+            return vertices, faces
+        return vertices @ random_rotation(self._rotate, name).T, faces
+
     def shape(self, name):
         if name not in self._made:
             import sgmds
 
-            mesh = self.mesh(name)
+            mesh = self.turned(name)
             started = time.perf_counter()
             self._made[name] = sgmds.Shape(*mesh, metric=self._metric, threads=self._threads)
             self.prepare_seconds[name] = time.perf_counter() - started
