@@ -22,10 +22,13 @@ const WAVE_FLOOR: f64 = 1e-3;
 const CURVATURE_LIMIT: f64 = 50.0;
 /// Heat time that smooths the curvature column; unit area.
 const CURVATURE_HEAT_TIME: f64 = 3e-3;
-/// Heat times of curvatures: from a finger's width to a limb's and a chest's.
-pub const HEAT_TIMES: [f64; 5] = [3e-4, 1e-3, 3e-3, 1e-2, 3e-2];
+/// Heat times of curvatures: from a finger's width to a limb's.
+pub const HEAT_TIMES: [f64; 4] = [3e-4, 1e-3, 3e-3, 1e-2];
 /// How many of these curvatures the detail begins with; they help the refinement.
-pub const DETAIL_CURVATURES: usize = 4;
+pub const DETAIL_CURVATURES: usize = HEAT_TIMES.len();
+/// Of how many of them is told what distances cannot: a limb's and a chest's change with poses and builds, and prefer bodies that
+/// are turned front to back.
+const EXTRINSIC_CURVATURES: usize = 3;
 /// Weight of √t h in the refinement. From 0.1 to 0.25 errors change little; 0.8 doubles them.
 const DETAIL_CURVATURE_WEIGHT: f64 = 0.15;
 /// Weight of the wave kernel in the refinement; more helps one body in many poses and harms others.
@@ -45,7 +48,7 @@ pub struct Descriptors {
     /// `(n, 14)`: mean curvatures √t h of the surface smoothed over times t, and a tenth of the wave
     /// kernel, weighted for the refinement.
     pub detail: Mat<f32>,
-    /// `(n, 5)`: mean curvatures √t h less what the wave kernel says of them. What is left cannot be told from
+    /// `(n, 3)`: mean curvatures √t h less what the wave kernel says of them. What is left cannot be told from
     /// distances on the surface: where a back bulges and a belly is hollow.
     pub extrinsic: Mat<f32>,
 }
@@ -104,13 +107,21 @@ impl Descriptors {
         Ok(Self {
             rows,
             detail,
-            extrinsic: unexplained(mass, waves.as_ref(), &curvatures)?,
+            extrinsic: unexplained(
+                mass,
+                waves.as_ref(),
+                curvatures.subcols(0, EXTRINSIC_CURVATURES),
+            )?,
         })
     }
 }
 
 /// What is left of curvatures after the best fit, by area, of a quadratic polynomial in each wave kernel value.
-fn unexplained(mass: &[f64], waves: MatRef<'_, f64>, curvatures: &Mat<f64>) -> Result<Mat<f32>> {
+fn unexplained(
+    mass: &[f64],
+    waves: MatRef<'_, f64>,
+    curvatures: MatRef<'_, f64>,
+) -> Result<Mat<f32>> {
     let (n, used) = (waves.nrows(), WAVE_ENERGIES / EXPLAINING_WAVE_STEP);
     let unit = (WAVE_ENERGIES as f64).sqrt();
     let explaining = Mat::from_fn(n, 2 * used + 1, |i, c| {
@@ -123,7 +134,7 @@ fn unexplained(mass: &[f64], waves: MatRef<'_, f64>, curvatures: &Mat<f64>) -> R
     });
     let weighted = Mat::from_fn(n, explaining.ncols(), |i, c| mass[i] * explaining[(i, c)]);
     let gram = dense::product(weighted.transpose(), explaining.as_ref());
-    let right = dense::product(weighted.transpose(), curvatures.as_ref());
+    let right = dense::product(weighted.transpose(), curvatures);
     let fit = dense::solve_with_ridge(gram, |_| EXPLAINING_RIDGE, right.as_ref())?;
     let explained = dense::product(explaining.as_ref(), fit.as_ref());
     Ok(Mat::from_fn(n, curvatures.ncols(), |i, c| {
@@ -131,7 +142,7 @@ fn unexplained(mass: &[f64], waves: MatRef<'_, f64>, curvatures: &Mat<f64>) -> R
     }))
 }
 
-/// √t ½ n·(A⁻¹WV) of the surface V smoothed by e^{−Λt}, n its normals: without a unit, `(n, 5)`.
+/// √t ½ n·(A⁻¹WV) of the surface V smoothed by e^{−Λt}, n its normals: without a unit, `(n, 4)`.
 fn smoothed_curvatures(
     mesh: &Mesh,
     Eigenbasis {
