@@ -27,6 +27,8 @@ PARTS = (
     "symmetry",
     "retry",
     "standing",
+    "turned",
+    "located",
 )
 """Parts of the automatic method that can be left out."""
 AUTOMATIC_ONLY = ("landmarks", "part", "mirror", "same_axes", "without")

@@ -31,6 +31,8 @@ pub struct Settings {
     pub to_place: f64,
     /// Length that a unit normal counts beside positions.
     pub normal: f64,
+    /// Whether samples of the still surface ask too: not where the other one is a part of it.
+    pub both_ask: bool,
     /// Least cosine between the normals of a sample and its image, which is else not drawn.
     pub agreeing: f64,
 }
@@ -155,11 +157,13 @@ impl Sampled<'_> {
 /// images.
 fn pulls(own: Sampled<'_>, still: Sampled<'_>, weight: f64, settings: &Settings) -> Vec<Pull> {
     let [asked, answered] = nearest_samples(own, still, settings.normal);
-    let share = |count: usize| 0.5 * weight / count as f64;
+    let half = if settings.both_ask { 0.5 } else { 1.0 };
+    let share = |count: usize| half * weight / count as f64;
     let shares = [own.samples.len(), still.samples.len()].map(share);
     let asked = own.samples.iter().zip(&asked);
     let asked = asked.map(|(&v, &image)| (v, still.samples[image as usize], shares[0]));
     let answered = still.samples.iter().zip(&answered);
+    let answered = answered.filter(|_| settings.both_ask);
     let answered = answered.map(|(&image, &v)| (own.samples[v as usize], image, shares[1]));
     let mut pulls: Vec<Pull> = vec![([[0.0; 3]; 3], [0.0; 3]); own.places.len()];
     for (v, image, share) in asked.chain(answered) {

@@ -2,21 +2,25 @@
 
 use std::sync::Arc;
 
+use faer::Mat;
 use rayon::prelude::*;
 
 use super::Correspondence;
 use super::completed::{Completed, completed_alone, completed_and_ranked};
+use super::partial::location;
 use super::partial::of_part::{
     best_of_part, may_be_part, part_by_given_lengths, placed, placed_at_assumed_lengths,
-    refine_on_covered, with_relocations,
+    refine_on_covered, small_part, with_relocations,
 };
 use super::partial::uncovered::begins_at_boundary;
+use crate::algebra::dense;
 use crate::algebra::vector;
 use crate::error::{Error, Result};
 use crate::matching::problem::constraints::{Constraints, Which};
 use crate::matching::problem::pair::{Coverage, LeftOut, Mirror, Pair, Part};
 use crate::matching::ranking::quality;
 use crate::matching::ranking::{self, Hypothesis, Metrics};
+use crate::matching::refinement::coinciding::Placed;
 use crate::matching::refinement::embedded_surface;
 use crate::matching::refinement::regions;
 use crate::matching::search::{self, Width};
@@ -34,6 +38,10 @@ const CLOSED_PART_FITS_BETTER: f64 = 0.6;
 /// The same where given lengths say that it is a part and the map between wholes is doubtful: one that wraps a cut
 /// cat into a whole one reaches the rank of the right part.
 const KNOWN_PART_FITS_BETTER: f64 = 1.1;
+/// Misfit up to which a part lies on the whole where it was located.
+const FITS: f64 = 0.1;
+/// It does so clearly where this is so many times that of any other place.
+const CLEARLY_FITS: f64 = 0.9;
 /// Close hypotheses completed at most.
 const MOST_COMPLETED: usize = 3;
 /// Symmetries found on both shapes are the same when the best map that respects them has at most this times the
@@ -64,10 +72,18 @@ pub(super) fn whole_or_part(
         || as_they_lie(pair, progress),
     );
     let narrow = ranking::merged(pair.source, narrow?, as_they_lie?);
+    let mut turned = Turned::of(pair);
+    let narrow = turned.beside(narrow, progress)?;
     let part = part_by_given_lengths(pair);
     if ranking::stands_alone(&narrow) && quality::clear(&narrow[0].metrics) {
         let within = |f: f64| report("selection", 0.1 + 0.5 * f);
         return with_part_of_given_lengths(pair, part, narrow, progress, &within);
+    }
+    if !narrow.iter().any(Hypothesis::is_placed) {
+        let located = located(pair, progress)?;
+        if !located.is_empty() {
+            return Ok(located);
+        }
     }
     let standing = if pair.uses(Part::Standing) {
         standing::hypothesis(pair, progress)?
@@ -91,7 +107,7 @@ pub(super) fn whole_or_part(
     } else {
         found_or_none(usual)?
     };
-    let mut best = ranking::merged(pair.source, narrow, usual);
+    let mut best = turned.beside(ranking::merged(pair.source, narrow, usual), progress)?;
     let mut is_enough = false;
     if let Some(map) = standing {
         (best, is_enough) = standing::beside(pair.source, map, best);
@@ -130,6 +146,22 @@ pub(super) fn whole_or_part(
     if best[0].coverage != Coverage::BOTH || !quality::doubtful(&whole) || !pair.uses(Part::Retry) {
         return Ok(best);
     }
+    parts_and_wide(pair, guided, best, progress, &search)
+}
+
+/// A search of a pair, with its coverage and width, between two fractions of what is done.
+type Search<'s, 'a> = &'s dyn Fn(&Pair<'a>, Coverage, Width, (f64, f64)) -> Result<Vec<Hypothesis>>;
+
+/// The hypotheses for two whole shapes where these are poor; before them those for either being a part of the other that fit clearly
+/// better, or those of a wider search, `guided` by what is known of the symmetry of both.
+fn parts_and_wide<'a>(
+    pair: &Pair<'a>,
+    guided: &Pair<'a>,
+    mut best: Vec<Hypothesis>,
+    progress: &Progress,
+    search: Search<'_, 'a>,
+) -> Result<Vec<Hypothesis>> {
+    let whole = best[0].metrics;
     for (part_is, within) in [(Which::Target, (0.4, 0.45)), (Which::Source, (0.45, 0.5))] {
         let as_part = search(guided, Coverage::of_part(part_is), Width::USUAL, within);
         let mut found = found_or_none(as_part)?;
@@ -156,6 +188,60 @@ pub(super) fn whole_or_part(
         best = ranking::merged(pair.source, best, wide);
     }
     Ok(best)
+}
+
+/// What turns the source onto itself, found when first needed, and the map that was turned by it.
+struct Turned<'a, 'b> {
+    pair: &'b Pair<'a>,
+    by: Option<Vec<Mat<f64>>>,
+    of: Option<Hypothesis>,
+}
+
+impl<'a, 'b> Turned<'a, 'b> {
+    fn of(pair: &'b Pair<'a>) -> Self {
+        Self {
+            pair,
+            by: None,
+            of: None,
+        }
+    }
+
+    /// The hypotheses with the best of them turned, best first, unless that was looked at before.
+    fn beside(&mut self, found: Vec<Hypothesis>, progress: &Progress) -> Result<Vec<Hypothesis>> {
+        let pair = self.pair;
+        let Some(best) = found.first().filter(|best| {
+            let seen = |of: &Hypothesis| ranking::say_the_same(pair.source, of, best);
+            pair.uses(Part::Turned) && !best.is_placed() && !self.of.as_ref().is_some_and(seen)
+        }) else {
+            return Ok(found);
+        };
+        let by = match self.by.take() {
+            Some(by) => by,
+            None => symmetry::turning_map(pair.source, progress)?
+                .into_iter()
+                .collect(),
+        };
+        let turned = (by.first())
+            .map(|by| {
+                let size = by.ncols().min(best.matrix.nrows()).min(best.matrix.ncols());
+                let first = best.matrix.get(..size, ..size);
+                let map = dense::product(by.get(..size, ..size), first);
+                ranking::of_first_map(pair, map, &|| progress.check())
+            })
+            .transpose()?;
+        self.by = Some(by);
+        self.of = Some(best.clone());
+        let turned = turned.map(|mut turned| {
+            turned.metrics.mirrored_gain = best.metrics.mirrored_gain;
+            turned
+        });
+        let turned = turned.filter(|h| pair.mirror == Mirror::Allow || h.metrics.orientation > 0.0);
+        Ok(ranking::merged(
+            pair.source,
+            found,
+            turned.into_iter().collect(),
+        ))
+    }
 }
 
 /// Whether the first of some hypotheses has at most so many times the rank of another map, with and without what
@@ -207,6 +293,13 @@ pub(super) fn as_requested(
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Vec<Hypothesis>> {
+    let as_they_lie = as_they_lie(pair, progress)?;
+    if as_they_lie.is_empty() && pair.coverage.part().is_some() {
+        let located = located(pair, progress)?;
+        if !located.is_empty() {
+            return Ok(located);
+        }
+    }
     let mut found = hypotheses(pair, Width::USUAL, progress, report);
     if let Some(part_is) = pair.coverage.part() {
         let searched = found_or_none(found)?;
@@ -217,11 +310,7 @@ pub(super) fn as_requested(
         }?;
         found = Ok(ranking::merged(pair.source, searched, more));
     }
-    Ok(ranking::merged(
-        pair.source,
-        found?,
-        as_they_lie(pair, progress)?,
-    ))
+    Ok(ranking::merged(pair.source, found?, as_they_lie))
 }
 
 /// The map between surfaces that lie on one another as they were given, if they do.
@@ -231,14 +320,58 @@ fn as_they_lie(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> 
         ..*pair
     };
     let found = embedded_surface::in_place(unguided, &|| progress.check())?;
-    let Some((placed, map)) = found else {
+    found
+        .map(|placed| of_placed(pair, placed, progress))
+        .into_iter()
+        .collect()
+}
+
+/// Where an open part that is clearly smaller than the whole lies by its shape, the best place first and beside it the next one;
+/// nothing where that is not clear.
+fn located(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> {
+    let asked = |&part_is: &Which| pair.coverage.part().is_none_or(|asked| asked == part_is);
+    let Some(part_is) = small_part(pair).filter(|part| pair.uses(Part::Located) && asked(part))
+    else {
         return Ok(Vec::new());
     };
+    let check = || progress.check();
+    let found = location::locations(pair, part_is, &check)?;
+    let is_clear = match &found[..] {
+        [] => false,
+        [best] => best.misfit < FITS,
+        [best, next, ..] => best.misfit < FITS.min(CLEARLY_FITS * next.misfit),
+    };
+    if !is_clear {
+        return Ok(Vec::new());
+    }
+    let unguided = &Pair {
+        constraints: &Constraints::default(),
+        ..*pair
+    };
+    let mapped = |location: location::Location| {
+        let (placed, map) = embedded_surface::of_places(unguided, &location.placed, &check)?;
+        let hinted = &Pair {
+            constraints: pair.constraints,
+            ..placed
+        };
+        ranking::of_location(hinted, &map, location)
+    };
+    let found: Vec<Hypothesis> = found.into_iter().map(mapped).collect::<Result<_>>()?;
+    Ok(ranking::merged(pair.source, found, Vec::new()))
+}
+
+/// The map between surfaces of which one lies on the other.
+fn of_placed(pair: &Pair<'_>, placed: Placed, progress: &Progress) -> Result<Hypothesis> {
+    let unguided = &Pair {
+        constraints: &Constraints::default(),
+        ..*pair
+    };
+    let (found, map) = embedded_surface::of_places(unguided, &placed, &|| progress.check())?;
     let hinted = &Pair {
         constraints: pair.constraints,
-        ..placed
+        ..found
     };
-    Ok(vec![ranking::of_surfaces_in_place(hinted, &map)?])
+    ranking::of_placed(hinted, &map, Arc::new(placed))
 }
 
 /// No hypotheses where the search found no map.

@@ -51,7 +51,7 @@ impl Completed<'_> {
                     (&asking.rows, &asking.images.vertex),
                     (&answering.rows, &answering.images.vertex),
                     &misfit,
-                    (&pair.constraints.landmarks, !hypothesis.in_place),
+                    (&pair.constraints.landmarks, !hypothesis.is_placed()),
                     progress,
                 )
             },
@@ -110,7 +110,7 @@ pub(super) fn completed_alone<'a>(
     report("dense map", 0.9)?;
     with_figures(&pair, state, progress, |state| {
         let mut metrics = hypothesis.metrics;
-        if !hypothesis.in_place {
+        if !hypothesis.is_placed() {
             metrics.agreement = ranking::agreement(&pair, &ranking::sampled_images(state));
         }
         Ok(metrics)
@@ -156,7 +156,7 @@ pub(super) fn judged(
     hypothesis: &Hypothesis,
     map: &Refined<'_>,
 ) -> Result<Metrics> {
-    if hypothesis.in_place {
+    if hypothesis.is_placed() {
         return Ok(hypothesis.metrics);
     }
     let of_part = hypothesis
@@ -189,10 +189,8 @@ fn refined<'a>(
     hypothesis: &Hypothesis,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<(Pair<'a>, Refined<'a>)> {
-    if hypothesis.in_place
-        && let Some(found) = embedded_surface::in_place(pair, &|| report("refinement", 0.0))?
-    {
-        return Ok(found);
+    if let Some(placed) = &hypothesis.placed {
+        return embedded_surface::of_places(pair, placed, &|| report("refinement", 0.0));
     }
     let pair = Pair {
         coverage: hypothesis.coverage,

@@ -31,6 +31,7 @@ const SETTINGS: Settings = Settings {
     to_place: 0.02,
     normal: 0.1,
     agreeing: 0.3,
+    both_ask: true,
 };
 /// Mean distance between samples after the registration, by the height and with normals, up to which figures may stand
 /// alike: 0.065 is the most of right maps.

@@ -1,4 +1,5 @@
-//! How far each point of a surface lies from its own mirror image, where the body is symmetric.
+//! How far each point of a surface lies from its own mirror image, where the body is symmetric, and how it is like itself
+//! turned.
 //!
 //! Tails and heads lie on the plane of symmetry, limbs beside it: what distances alone confuse when
 //! proportions differ, this tells apart. How far out a limb reaches differs with the proportions, so all far
@@ -69,19 +70,42 @@ pub fn counted(offset: f32) -> f32 {
     -FAR * (-offset / FAR).exp_m1()
 }
 
-/// The best map of a shape to itself that reverses the orientation, `(60, 60)`, and how clearly it does.
-fn reversing_map(shape: &Shape, progress: &Progress) -> Result<Option<(Mat<f64>, f64)>> {
+/// The best map of a shape to itself that keeps the orientation and is far from the identity, `(60, 60)`; `None` where the search
+/// keeps none. A person turned front to back and left to right at once changes short distances little.
+///
+/// # Errors
+/// [`Error::Cancelled`], [`Error::NotFactorised`].
+pub fn turning_map(shape: &Shape, progress: &Progress) -> Result<Option<Mat<f64>>> {
     let constraints = Constraints::default();
-    let pair = Pair {
+    let pair = to_itself(shape, Mirror::Away, &constraints);
+    let candidates = match search::candidates(&pair, Width::NARROW, progress) {
+        Err(Error::NoMap { .. }) => return Ok(None),
+        found => found?,
+    };
+    let found = candidates.first();
+    found
+        .map(|best| upsampling::upsampled(&pair, best))
+        .transpose()
+}
+
+/// A shape beside itself.
+fn to_itself<'a>(shape: &'a Shape, mirror: Mirror, constraints: &'a Constraints) -> Pair<'a> {
+    Pair {
         target: shape,
         source: shape,
         coverage: Coverage::BOTH,
-        mirror: Mirror::Only,
-        constraints: &constraints,
+        mirror,
+        constraints,
         left_out: LeftOut::default(),
         lengths: 1.0,
         mirror_offsets: None,
-    };
+    }
+}
+
+/// The best map of a shape to itself that reverses the orientation, `(60, 60)`, and how clearly it does.
+fn reversing_map(shape: &Shape, progress: &Progress) -> Result<Option<(Mat<f64>, f64)>> {
+    let constraints = Constraints::default();
+    let pair = to_itself(shape, Mirror::Only, &constraints);
     let candidates = match search::candidates(&pair, Width::NARROW, progress) {
         Err(Error::NoMap { .. }) => return Ok(None),
         found => found?,

@@ -21,6 +21,9 @@ use crate::watch::progress::Progress;
 /// Lengths of a part in units of the whole, both at unit area, when they are given in one unit: a body that is no
 /// part is not just so much smaller, and less leaves little to be recognised by.
 const PART_LENGTHS: Range<f64> = 0.4..0.97;
+/// Lengths of a part that is located by its shape: from a hand of a child on a man up to a third of the area, beyond which parts bend
+/// too much and distances find them.
+const LOCATED_LENGTHS: Range<f64> = 0.07..0.6;
 /// Lengths of the unit of a part on the whole where nothing tells them: each finds the maps of parts within a tenth.
 const ASSUMED_PART_LENGTHS: [f64; 2] = [0.9, 0.75];
 /// Maps found otherwise that a search for a part begins with too.
@@ -51,6 +54,14 @@ pub(in crate::matching) fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Whi
     } else {
         None
     }
+}
+
+/// Which open shape is clearly smaller, with both of one size as given, so that its shape may be found on the other.
+pub(in crate::matching) fn small_part(pair: &Pair<'_>) -> Option<Which> {
+    let lengths = pair.target.unit / pair.source.unit;
+    [Which::Target, Which::Source].into_iter().find(|&part_is| {
+        pair.shape(part_is).mesh.is_open() && LOCATED_LENGTHS.contains(&part_is.seen(lengths))
+    })
 }
 
 /// Whether a map between wholes may be that of a part of such lengths: it is doubtful, stretches the surface, or

@@ -13,6 +13,8 @@ pub enum Mirror {
     Allow,
     /// Only orientation-reversing maps; for the symmetry of one shape.
     Only,
+    /// Only maps of a shape to itself that bring its points far away on average, and keep the orientation.
+    Away,
 }
 
 /// How much each shape's questions to the other count in fits and energies.
@@ -115,11 +117,15 @@ pub enum Part {
     Retry,
     /// The map between figures as they stand.
     Standing,
+    /// The map found, turned as the source is like itself.
+    Turned,
+    /// Where the shape of a small part is found on the whole.
+    Located,
 }
 
 impl Part {
     /// All parts with their names.
-    pub const ALL: [(&'static str, Self); 12] = [
+    pub const ALL: [(&'static str, Self); 14] = [
         ("geodesic", Self::Geodesic),
         ("descriptors", Self::Descriptors),
         ("orientation", Self::Orientation),
@@ -132,6 +138,8 @@ impl Part {
         ("symmetry", Self::Symmetry),
         ("retry", Self::Retry),
         ("standing", Self::Standing),
+        ("turned", Self::Turned),
+        ("located", Self::Located),
     ];
 }
 

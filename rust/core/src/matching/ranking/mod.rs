@@ -5,6 +5,8 @@ mod metrics;
 pub mod quality;
 mod shortlist;
 
+use std::sync::Arc;
+
 use faer::Mat;
 use rayon::prelude::*;
 
@@ -13,8 +15,10 @@ use self::metrics::of_judged;
 use self::shortlist::{DIFFERENT, SHORTLISTED, Shortlisted, mirrored_gain, shortlist};
 use crate::algebra::vector;
 use crate::error::Result;
+use crate::matching::partial::location::{Location, MISPLACED};
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair};
+use crate::matching::refinement::coinciding::Placed;
 use crate::matching::refinement::embedded_surface::{self, Refined};
 use crate::matching::refinement::upsampling::UPSAMPLED_SIZE;
 use crate::matching::search::{Candidate, Reach};
@@ -48,8 +52,8 @@ pub struct Hypothesis {
     pub metrics: Metrics,
     /// Which shape it takes as a part of the other.
     pub coverage: Coverage,
-    /// Whether it takes the shapes to lie on one another as they were given.
-    pub in_place: bool,
+    /// Where one shape lies on the other, if that is what it says.
+    pub placed: Option<Arc<Placed>>,
     /// How many units of length of the source one of the target is, where that is known, else 1.
     pub lengths: f64,
     /// Source vertices of the target's farthest-point samples, and target vertices of the source's.
@@ -57,10 +61,16 @@ pub struct Hypothesis {
 }
 
 impl Hypothesis {
-    /// Whether a part is sought on a whole, by more than where they lie as given.
+    /// Whether it says where one shape lies on the other, and no more.
+    #[must_use]
+    pub fn is_placed(&self) -> bool {
+        self.placed.is_some()
+    }
+
+    /// Whether a part is sought on a whole, by more than where it lies.
     #[must_use]
     pub fn is_of_part(&self) -> bool {
-        self.coverage != Coverage::BOTH && !self.in_place
+        self.coverage != Coverage::BOTH && !self.is_placed()
     }
 
     /// Replaces its metrics and images by those of its completed map.
@@ -124,7 +134,7 @@ fn judged(
         matrix: state.low_map(REFINED_SIZE)?,
         metrics,
         coverage: pair.coverage,
-        in_place: false,
+        placed: None,
         lengths: pair.lengths,
         images,
     })
@@ -186,7 +196,7 @@ pub fn of_part(
                 matrix,
                 metrics,
                 coverage: pair.coverage,
-                in_place: false,
+                placed: None,
                 lengths: pair.lengths,
                 images,
             })
@@ -200,11 +210,11 @@ pub fn of_part(
     Ok(best)
 }
 
-/// The map between surfaces that lie on one another as they were given, found without what is known of it.
+/// The map between surfaces that lie on one another, found without what is known of it.
 ///
 /// # Errors
 /// [`crate::Error::NotFactorised`].
-pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Result<Hypothesis> {
+pub fn of_placed(pair: &Pair<'_>, found: &Refined<'_>, placed: Arc<Placed>) -> Result<Hypothesis> {
     let asking = found.target();
     let matrix = found.low_map(UPSAMPLED_SIZE)?;
     let images = sampled_images(found);
@@ -225,10 +235,37 @@ pub fn of_surfaces_in_place(pair: &Pair<'_>, found: &Refined<'_>) -> Result<Hypo
         matrix,
         metrics,
         coverage: pair.coverage,
-        in_place: true,
+        placed: Some(placed),
         lengths: pair.lengths,
         images,
     })
+}
+
+/// The map of a part that was located on the whole by its shape, found without what is known of it.
+///
+/// # Errors
+/// [`crate::Error::NotFactorised`].
+pub(in crate::matching) fn of_location(
+    pair: &Pair<'_>,
+    found: &Refined<'_>,
+    Location {
+        placed,
+        misfit,
+        facing,
+        stretch,
+    }: Location,
+) -> Result<Hypothesis> {
+    let mut hypothesis = of_placed(pair, found, Arc::new(placed))?;
+    // Curvatures of a part and of the whole are smoothed over other lengths.
+    let agreement = 1.0 - misfit / MISPLACED;
+    hypothesis.metrics = Metrics {
+        orientation: facing,
+        local_distortion: stretch,
+        agreement,
+        extrinsic_agreement: agreement,
+        ..hypothesis.metrics
+    };
+    Ok(hypothesis)
 }
 
 /// Mean cosine between the normals at one shape's judging samples and at their images.
@@ -342,7 +379,7 @@ mod tests {
                     ..Metrics::default()
                 },
                 coverage: Coverage::BOTH,
-                in_place: false,
+                placed: None,
                 lengths: 1.0,
                 images: [images.clone(), images],
             }

@@ -5,6 +5,7 @@ use rayon::prelude::*;
 use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::Coverage;
 use crate::shape::Shape;
 use crate::watch::progress::Check;
@@ -20,10 +21,12 @@ const BESIDE: f64 = 0.1;
 const FIRST_ASKED: usize = 100;
 
 /// Two surfaces of which at least one lies on the other.
-#[derive(Debug)]
-pub struct Coinciding {
-    /// The target in the coordinates of the source.
-    pub placed: Vec<Point>,
+#[derive(Debug, Clone)]
+pub struct Placed {
+    /// The surface that is in the coordinates of the other one.
+    pub moving: Which,
+    /// Its vertices there.
+    pub places: Vec<Point>,
     /// Nearest source vertex of each target vertex, and nearest target vertex of each source vertex.
     pub images: [Vec<u32>; 2],
     /// Which of them lies on the other.
@@ -34,7 +37,7 @@ pub struct Coinciding {
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Option<Coinciding>> {
+pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Option<Placed>> {
     let (own, other) = (&target.mesh, &source.mesh);
     let placed: Vec<Point> = own
         .vertices
@@ -78,8 +81,9 @@ pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Op
         on_target.nearest_to_each(there),
     ];
     drop((on_target, on_source));
-    Ok(Some(Coinciding {
-        placed,
+    Ok(Some(Placed {
+        moving: Which::Target,
+        places: placed,
         images,
         coverage,
     }))

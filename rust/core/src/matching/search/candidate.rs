@@ -202,6 +202,15 @@ impl<'a> SampledPair<'a> {
         (distortion * mismatch).sqrt()
     }
 
+    /// Mean distance between points and their images, of a map of a shape to itself.
+    pub(super) fn moves(&self, map: &Candidate) -> f64 {
+        let images = map.on_source.iter().enumerate();
+        let sum: f64 = images
+            .map(|(i, &j)| f64::from(self.side_source.distances[(i, j as usize)]))
+            .sum();
+        sum / map.on_source.len() as f64
+    }
+
     /// Mean distance on the source between the images of two candidates.
     pub(super) fn apart(&self, a: &Candidate, b: &Candidate) -> f64 {
         let sum: f64 = a

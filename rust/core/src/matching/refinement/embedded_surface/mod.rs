@@ -30,7 +30,7 @@ use crate::deformation::rigid_surface::RigidSurface;
 use crate::error::Result;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Mirror, Pair, Part};
-use crate::matching::refinement::coinciding::{Coinciding, coinciding};
+use crate::matching::refinement::coinciding::{Placed, coinciding};
 use crate::matching::refinement::piece::Piece;
 use crate::matching::refinement::relative_length::relative_length;
 use crate::matching::refinement::side::Surface;
@@ -84,36 +84,40 @@ pub fn refined_images<'a>(
     Refined::by_images(pair, moving, images).refined(pair, schedule, report)
 }
 
-/// The nearest points of surfaces that lie on one another as they were given, and what their places tell of
-/// the pair: which is a part, and their lengths. Nothing where they do not lie so.
+/// Where surfaces lie that lie on one another as they were given. Nothing where they do not.
 ///
 /// # Errors
-/// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
-pub fn in_place<'a>(pair: &Pair<'a>, check: Check<'_>) -> Result<Option<(Pair<'a>, Refined<'a>)>> {
-    let (target, source) = (pair.target, pair.source);
+/// [`crate::Error::Cancelled`].
+pub fn in_place(pair: &Pair<'_>, check: Check<'_>) -> Result<Option<Placed>> {
     if pair.mirror == Mirror::Only || !pair.uses(Part::Extrinsic) {
         return Ok(None);
     }
-    let Some(found) = coinciding(target, source, check)? else {
-        return Ok(None);
-    };
-    let Coinciding {
-        placed,
-        images: [on_source, on_target],
-        coverage,
-    } = found;
+    coinciding(pair.target, pair.source, check)
+}
+
+/// The nearest points of surfaces that lie on one another, and what their places tell of the pair: which is a part, and
+/// their lengths.
+///
+/// # Errors
+/// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
+pub fn of_places<'a>(
+    pair: &Pair<'a>,
+    placed: &Placed,
+    check: Check<'_>,
+) -> Result<(Pair<'a>, Refined<'a>)> {
+    let (target, source) = (pair.target, pair.source);
     let pair = Pair {
-        coverage,
+        coverage: placed.coverage,
         lengths: target.unit / source.unit,
         ..*pair
     };
     let most = target.basis.values.len().min(source.basis.values.len());
-    let mut state = Refined::by_images(&pair, Which::Target, [on_source, on_target]);
-    state.deformed = as_matrix(&placed);
+    let mut state = Refined::by_images(&pair, placed.moving, placed.images.clone());
+    state.deformed = as_matrix(&placed.places);
     let at_images = state.at_images(most);
     (state.matrix, state.shared) = state.mapped(&at_images, check)?;
     state.embed(Surface::Whole, COINCIDING, check)?;
-    Ok(Some((pair, state)))
+    Ok((pair, state))
 }
 
 impl<'a> AtRest<'a> {

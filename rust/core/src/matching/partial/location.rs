@@ -1,0 +1,584 @@
+//! Where a part lies on a whole, by its shape in space alone.
+//!
+//! A head, a hand, a foot or a face keeps its shape in every pose, whatever is cut away around it, and of so small a part
+//! neither eigenfunctions nor distances between far samples tell where on a body it belongs. Two points with their normals
+//! make a feature that no motion changes: how far they are apart, and the angles between the normals and the line between
+//! them. Pairs of the part that begin at one sample vote for where on the whole that sample lies and how it is turned about
+//! its normal there. The placements with most votes are moved onto the surface, and those that fit best are drawn onto it by
+//! maps that are affine on each part, since no two bodies have one head.
+//!
+//! # Source
+//! Drost, Ulrich, Navab, Ilic, "Model globally, match locally: efficient and robust 3D object recognition", 2010, for the
+//! features and the vote; Chen, Medioni, "Object modelling by registration of multiple range images", 1992, for the motion.
+//! What is sought is a part on a surface here, instead of a whole in a scene.
+
+use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+
+use faer::Mat;
+use rayon::prelude::*;
+
+use crate::algebra::closest::closest;
+use crate::algebra::similarity::Similarity;
+use crate::algebra::vector::{self, Point};
+use crate::deformation::registration::{self, Held, Sampled};
+use crate::error::Result;
+use crate::matching::problem::constraints::Which;
+use crate::matching::problem::pair::{Coverage, Pair};
+use crate::matching::refinement::coinciding::Placed;
+use crate::watch::progress::Check;
+
+/// Samples of the part that are moved, and of the whole to which they go at first; so many of the part are drawn onto it.
+const PART_SAMPLES: usize = 300;
+const WHOLE_SAMPLES: usize = 1_500;
+/// Samples of the part whose pairs vote.
+const REFERENCES: usize = 24;
+/// Steps of the distance within the part's extent, and of turns about a normal.
+const DISTANCE_STEPS: f64 = 16.0;
+const TURNS: usize = 24;
+/// Cosines of 15°, 30°, … 165°: between them angles count alike.
+const ANGLES: [f64; 11] = [
+    0.965_925_826,
+    0.866_025_404,
+    FRAC_1_SQRT_2,
+    0.5,
+    0.258_819_045,
+    0.0,
+    -0.258_819_045,
+    -0.5,
+    -FRAC_1_SQRT_2,
+    -0.866_025_404,
+    -0.965_925_826,
+];
+/// Features that so many pairs of the whole have count half: what is flat everywhere says little.
+const COMMON: f64 = 200.0;
+/// Placements kept of each reference, and of all together.
+const KEPT_OF_EACH: usize = 4;
+const KEPT: usize = 40;
+/// Steps that move each of these, and those that move each of the few that fit best.
+const FIRST_STEPS: usize = 6;
+const LAST_STEPS: usize = 15;
+/// How many these are, and how many of them are drawn onto the surface: the best, and what it has to be told from.
+const FINISHED: usize = 4;
+const DRAWN: usize = 2;
+/// Mean distance between the places of samples up to which two placements are one. Lengths here and below are √area of the part.
+const SAME: f64 = 0.2;
+/// Length that a unit normal counts beside positions.
+const NORMAL: f64 = 0.3;
+/// Distance of a sample from the whole at which it counts a quarter in the next step, and from which on it counts alike in the misfit.
+const TOLERANCE: f64 = 0.15;
+const FAR: f64 = 0.3;
+/// Misfit of a part that lies where it does not belong: 0.11 to 0.17 over heads, hands, feet, legs and trunks of people.
+pub(in crate::matching) const MISPLACED: f64 = 0.2;
+/// Samples that are nearer to one another than this are asked how their distance changes.
+const NEAR: f64 = 0.35;
+/// How the part is drawn onto the whole.
+const SETTINGS: registration::Settings = registration::Settings {
+    rounds: 8,
+    pull: [1e-3, 0.1],
+    to_place: 0.02,
+    normal: NORMAL,
+    agreeing: 0.3,
+    both_ask: false,
+};
+
+/// A part placed on a whole.
+#[derive(Debug, Clone)]
+pub(in crate::matching) struct Location {
+    /// Where it lies.
+    pub placed: Placed,
+    /// Mean distance of its samples from the whole in positions and normals before it was drawn onto it, √area of the part.
+    pub misfit: f64,
+    /// Mean cosine between the normals of its samples and of their images.
+    pub facing: f64,
+    /// Mean change of straight distances between its samples that are near one another, √area of the part.
+    pub stretch: f64,
+}
+
+/// Points with outward unit normals.
+#[derive(Debug, Default)]
+struct Oriented {
+    places: Vec<Point>,
+    normals: Vec<Point>,
+}
+
+/// A rigid motion: the rows of its rotation, and a translation.
+#[derive(Debug, Clone, Copy)]
+struct Motion {
+    turn: [Point; 3],
+    shift: Point,
+}
+
+/// Where a part lies on the whole, the best places first, the lengths of both being given in one unit.
+///
+/// # Errors
+/// [`crate::Error::NotFactorised`], [`crate::Error::Cancelled`].
+pub(in crate::matching) fn locations(
+    pair: &Pair<'_>,
+    part_is: Which,
+    check: Check<'_>,
+) -> Result<Vec<Location>> {
+    let (part, whole) = (pair.shape(part_is), pair.shape(part_is.other()));
+    // All in the part's own frame, where its area is 1. Surfaces of one kind are wound alike.
+    let outward = whole.volume_sign;
+    let own = Oriented::new(part.mesh.vertices.clone(), &part.normals, outward);
+    let given = whole.mesh.vertices.iter();
+    let there = given
+        .map(|&p| part.mesh.as_own(whole.mesh.as_given(p)))
+        .collect();
+    let there = Oriented::new(there, &whole.normals, outward);
+    let samples = part.farthest_points(PART_SAMPLES);
+    let (asking, answering) = (
+        own.gathered(samples),
+        there.gathered(&whole.drawn_vertices(WHOLE_SAMPLES)),
+    );
+    let mut found = voted(&asking, &answering, check)?;
+    found.truncate(KEPT);
+    let coarse = Answering::new(&answering);
+    let mut found = moved(&asking, &coarse, &found, FIRST_STEPS, check)?;
+    different(&asking, &mut found);
+    found.truncate(FINISHED);
+    let all = Answering::new(&there);
+    let motions: Vec<Motion> = found.into_iter().map(|(_, motion)| motion).collect();
+    let mut found = moved(&asking, &all, &motions, LAST_STEPS, check)?;
+    different(&asking, &mut found);
+    found.truncate(DRAWN);
+    // Each would find it for itself.
+    part.deformation_graph()?;
+    found
+        .par_iter()
+        .map(|&(misfit, motion)| {
+            let moved = own.moved(&motion);
+            drawn(pair, part_is, &moved, &all, outward, misfit, check)
+        })
+        .collect()
+}
+
+/// A moved part drawn onto the whole.
+fn drawn(
+    pair: &Pair<'_>,
+    part_is: Which,
+    moved: &Oriented,
+    answering: &Answering<'_>,
+    outward: f64,
+    misfit: f64,
+    check: Check<'_>,
+) -> Result<Location> {
+    let (part, whole) = (pair.shape(part_is), pair.shape(part_is.other()));
+    let there = answering.points;
+    let all: Vec<u32> = (0..there.places.len() as u32).collect();
+    let moving = Sampled {
+        places: &moved.places,
+        normals: &moved.normals,
+        samples: &part.drawn_vertices(WHOLE_SAMPLES),
+    };
+    let held = Held {
+        graph: part.deformation_graph()?,
+        faces: &part.mesh.faces,
+        volume_sign: outward,
+    };
+    let still = Sampled {
+        places: &there.places,
+        normals: &there.normals,
+        samples: &all,
+    };
+    let drawn = registration::registered(moving, held, still, &SETTINGS, check)?;
+    let drawn = Oriented {
+        places: drawn.places,
+        normals: drawn.normals,
+    };
+    let images = answering.nearest(&drawn);
+    let samples = part.farthest_points(PART_SAMPLES);
+    let on_whole = |v: u32| images[v as usize] as usize;
+    let cosines = samples
+        .iter()
+        .map(|&v| vector::dot(drawn.normals[v as usize], there.normals[on_whole(v)]));
+    let facing = cosines.sum::<f64>() / samples.len() as f64;
+    let on_part = |v: u32| part.mesh.vertices[v as usize];
+    let stretch = mean_stretch(samples, &on_part, &|v| there.places[on_whole(v)]);
+    check()?;
+    let back = Answering::new(&drawn).nearest(there);
+    let placed = drawn.places.iter();
+    let places = placed
+        .map(|&p| whole.mesh.as_own(part.mesh.as_given(p)))
+        .collect();
+    let placed = Placed {
+        moving: part_is,
+        places,
+        images: match part_is {
+            Which::Target => [images, back],
+            Which::Source => [back, images],
+        },
+        coverage: Coverage::of_part(part_is),
+    };
+    Ok(Location {
+        placed,
+        misfit,
+        facing,
+        stretch,
+    })
+}
+
+/// Mean change of the straight distances between points that are [near](NEAR) one another at first.
+fn mean_stretch(points: &[u32], first: &dyn Fn(u32) -> Point, then: &dyn Fn(u32) -> Point) -> f64 {
+    let (mut sum, mut count) = (0.0, 0.0);
+    for (i, &a) in points.iter().enumerate() {
+        for &b in &points[..i] {
+            let before = vector::distance(first(a), first(b));
+            if before < NEAR {
+                sum += (vector::distance(then(a), then(b)) - before).abs();
+                count += 1.0;
+            }
+        }
+    }
+    sum / f64::max(count, 1.0)
+}
+
+impl Oriented {
+    fn new(places: Vec<Point>, normals: &[Point], outward: f64) -> Self {
+        let normals = normals.iter().map(|&n| vector::scaled(n, outward));
+        Self {
+            places,
+            normals: normals.collect(),
+        }
+    }
+
+    fn gathered(&self, vertices: &[u32]) -> Self {
+        let of = |list: &[Point]| vertices.iter().map(|&v| list[v as usize]).collect();
+        Self {
+            places: of(&self.places),
+            normals: of(&self.normals),
+        }
+    }
+
+    fn moved(&self, motion: &Motion) -> Self {
+        let place = |&p: &Point| vector::add(turned(&motion.turn, p), motion.shift);
+        let normal = |&n: &Point| turned(&motion.turn, n);
+        Self {
+            places: self.places.iter().map(place).collect(),
+            normals: self.normals.iter().map(normal).collect(),
+        }
+    }
+
+    /// Positions and weighted normals, `(n, 6)`.
+    fn features(&self) -> Mat<f32> {
+        Mat::from_fn(self.places.len(), 6, |i, c| {
+            let value = if c < 3 {
+                self.places[i][c]
+            } else {
+                NORMAL * self.normals[i][c - 3]
+            };
+            value as f32
+        })
+    }
+
+    /// Largest extent along an axis.
+    fn extent(&self) -> f64 {
+        let along = |c: usize| {
+            let values = self.places.iter().map(|p| p[c]);
+            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
+                (low.min(x), high.max(x))
+            });
+            high - low
+        };
+        (0..3).map(along).fold(0.0, f64::max)
+    }
+}
+
+fn turned(rows: &[Point; 3], p: Point) -> Point {
+    rows.map(|row| vector::dot(row, p))
+}
+
+fn turned_back(rows: &[Point; 3], p: Point) -> Point {
+    let along = |axis: usize| vector::scaled(rows[axis], p[axis]);
+    vector::add(vector::add(along(0), along(1)), along(2))
+}
+
+/// Points that are asked for the nearest in positions and normals.
+struct Answering<'a> {
+    points: &'a Oriented,
+    features: Mat<f32>,
+}
+
+impl<'a> Answering<'a> {
+    fn new(points: &'a Oriented) -> Self {
+        Self {
+            points,
+            features: points.features(),
+        }
+    }
+
+    fn nearest(&self, asking: &Oriented) -> Vec<u32> {
+        closest(
+            asking.features().as_ref(),
+            self.features.as_ref(),
+            None,
+            1.0,
+        )
+    }
+
+    /// Distance in positions and normals.
+    fn off(&self, asking: &Oriented, i: usize, image: u32) -> f64 {
+        let there = image as usize;
+        let apart = vector::distance(asking.places[i], self.points.places[there]);
+        let turned = vector::distance(asking.normals[i], self.points.normals[there]);
+        apart.hypot(NORMAL * turned)
+    }
+}
+
+/// Mean distance of some points from their images, far ones alike.
+fn mean_misfit(asking: &Oriented, there: &Answering<'_>, images: &[u32], points: &[u32]) -> f64 {
+    let off = |&v: &u32| there.off(asking, v as usize, images[v as usize]).min(FAR);
+    points.iter().map(off).sum::<f64>() / points.len() as f64
+}
+
+/// The motions after some steps towards the nearest points, with their misfits, the least first.
+fn moved(
+    part: &Oriented,
+    there: &Answering<'_>,
+    motions: &[Motion],
+    steps: usize,
+    check: Check<'_>,
+) -> Result<Vec<(f64, Motion)>> {
+    let all: Vec<u32> = (0..part.places.len() as u32).collect();
+    let settled = |motion: &Motion| {
+        check()?;
+        let mut motion = *motion;
+        for _ in 0..steps {
+            let now = part.moved(&motion);
+            let images = there.nearest(&now);
+            let pairs: Vec<(Point, Point, f64)> = (0..part.places.len())
+                .map(|i| {
+                    let off = there.off(&now, i, images[i]) / TOLERANCE;
+                    let weight = (1.0 + off * off).powi(-2);
+                    let image = there.points.places[images[i] as usize];
+                    (part.places[i], image, weight)
+                })
+                .collect();
+            let fitted = Similarity {
+                scale: 1.0,
+                ..Similarity::fitted(&pairs, false)
+            };
+            motion = Motion {
+                turn: fitted.turn,
+                shift: fitted.apply([0.0; 3]),
+            };
+        }
+        let now = part.moved(&motion);
+        let images = there.nearest(&now);
+        Ok((mean_misfit(&now, there, &images, &all), motion))
+    };
+    let mut found: Vec<(f64, Motion)> = motions.par_iter().map(settled).collect::<Result<_>>()?;
+    found.sort_by(|a, b| a.0.total_cmp(&b.0));
+    Ok(found)
+}
+
+/// Leaves of motions that bring samples to about the same places the first.
+fn different(part: &Oriented, motions: &mut Vec<(f64, Motion)>) {
+    let mut kept: Vec<Oriented> = Vec::new();
+    motions.retain(|(_, motion)| {
+        let now = part.moved(motion);
+        let differs = |other: &Oriented| {
+            let apart = now.places.iter().zip(&other.places);
+            let sum: f64 = apart.map(|(&a, &b)| vector::distance(a, b)).sum();
+            sum > SAME * part.places.len() as f64
+        };
+        let is_new = kept.iter().all(differs);
+        if is_new {
+            kept.push(now);
+        }
+        is_new
+    });
+}
+
+/// A pair of points: its feature, the point at which it begins, and how its line is turned about the normal there.
+type Feature = (u32, u16, f64);
+
+/// Motions by the votes of pairs, most votes first.
+fn voted(part: &Oriented, whole: &Oriented, check: Check<'_>) -> Result<Vec<Motion>> {
+    let extent = part.extent();
+    let frames: Vec<[Point; 3]> = whole.normals.iter().map(|&n| along_normal(n)).collect();
+    let mut pairs: Vec<Feature> = (0..whole.places.len())
+        .into_par_iter()
+        .flat_map_iter(|i| {
+            let frame = frames[i];
+            features_from(whole, i, frame, extent)
+                .map(move |(feature, turn)| (feature, i as u16, turn))
+        })
+        .collect();
+    pairs.par_sort_unstable_by(|a, b| {
+        (a.0, a.1)
+            .cmp(&(b.0, b.1))
+            .then_with(|| a.2.total_cmp(&b.2))
+    });
+    check()?;
+    let references = REFERENCES.min(part.places.len());
+    let mut found: Vec<(f64, Motion)> = (0..references)
+        .into_par_iter()
+        .flat_map_iter(|reference| {
+            let frame = along_normal(part.normals[reference]);
+            let mut votes = vec![0.0; whole.places.len() * TURNS];
+            for (feature, turn) in features_from(part, reference, frame, f64::INFINITY) {
+                let from = pairs.partition_point(|pair| pair.0 < feature);
+                let alike = pairs[from..].iter().take_while(|pair| pair.0 == feature);
+                let count = alike.clone().count() as f64;
+                for &(_, there, turned) in alike {
+                    let by = (turned - turn).rem_euclid(TAU) / TAU;
+                    let step = ((by * TURNS as f64) as usize).min(TURNS - 1);
+                    votes[usize::from(there) * TURNS + step] += 1.0 / (1.0 + count / COMMON);
+                }
+            }
+            let mut most: Vec<usize> = (0..votes.len()).collect();
+            most.select_nth_unstable_by(KEPT_OF_EACH, |&a, &b| {
+                votes[b].total_cmp(&votes[a]).then(a.cmp(&b))
+            });
+            most.truncate(KEPT_OF_EACH);
+            let place = part.places[reference];
+            let placed = |cell: usize| {
+                let (there, step) = (cell / TURNS, cell % TURNS);
+                let by = (step as f64 + 0.5) / TURNS as f64 * TAU;
+                let motion = brought(frame, frames[there], by);
+                let shift = vector::sub(whole.places[there], turned(&motion, place));
+                (
+                    votes[cell],
+                    Motion {
+                        turn: motion,
+                        shift,
+                    },
+                )
+            };
+            most.into_iter().map(placed).collect::<Vec<_>>()
+        })
+        .collect();
+    found.sort_by(|a, b| b.0.total_cmp(&a.0));
+    Ok(found.into_iter().map(|(_, motion)| motion).collect())
+}
+
+/// The rotation that brings one frame onto another that is turned about its first axis: rows.
+fn brought(from: [Point; 3], to: [Point; 3], by: f64) -> [Point; 3] {
+    let (sine, cosine) = by.sin_cos();
+    let image = |axis: Point| {
+        let [x, y, z] = turned(&from, axis);
+        turned_back(&to, [x, cosine * y - sine * z, sine * y + cosine * z])
+    };
+    let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(image);
+    [0, 1, 2].map(|row| [0, 1, 2].map(|column| columns[column][row]))
+}
+
+/// An orthonormal frame whose first axis is a normal: rows.
+fn along_normal(normal: Point) -> [Point; 3] {
+    let least = (0..3)
+        .min_by(|&a, &b| normal[a].abs().total_cmp(&normal[b].abs()))
+        .unwrap_or(0);
+    let mut axis = [0.0; 3];
+    axis[least] = 1.0;
+    let second = vector::normalised(vector::cross(normal, axis));
+    [normal, second, vector::cross(normal, second)]
+}
+
+/// Features of the pairs of a point with all others up to a distance, by numbers, and how each line is turned about the normal in a
+/// frame along it.
+fn features_from(
+    points: &Oriented,
+    from: usize,
+    frame: [Point; 3],
+    within: f64,
+) -> impl Iterator<Item = (u32, f64)> + '_ {
+    let (place, normal) = (points.places[from], points.normals[from]);
+    let extent = if within.is_finite() {
+        within
+    } else {
+        points.extent()
+    };
+    (0..points.places.len()).filter_map(move |to| {
+        let line = vector::sub(points.places[to], place);
+        let length = vector::norm(line);
+        if to == from || length > within || length <= 0.0 {
+            return None;
+        }
+        let direction = vector::scaled(line, 1.0 / length);
+        let other = points.normals[to];
+        let angles = [
+            vector::dot(normal, direction),
+            vector::dot(other, direction),
+            vector::dot(normal, other),
+        ];
+        let step = (DISTANCE_STEPS * length / extent) as u32;
+        let feature = angles.iter().fold(step, |feature, &cosine| {
+            let angle = ANGLES.iter().filter(|&&least| cosine < least).count();
+            feature * (ANGLES.len() as u32 + 1) + angle as u32
+        });
+        let [_, y, z] = turned(&frame, line);
+        Some((feature, z.atan2(y)))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::matching::problem::constraints::Constraints;
+    use crate::shape::Shape;
+    use crate::testing::{self, RINGS, torus, torus_mesh};
+    use crate::watch::progress::Progress;
+
+    /// A quarter of a turn about z, another about x, and a shift.
+    fn moved([x, y, z]: Point) -> Point {
+        [-y + 5.0, -z, x - 2.0]
+    }
+
+    fn moved_back([x, y, z]: Point) -> Point {
+        [z + 2.0, 5.0 - x, -y]
+    }
+
+    #[test]
+    fn a_piece_that_was_moved_is_found_where_it_was_cut() {
+        let whole = torus(RINGS);
+        let (vertices, faces) = torus_mesh(RINGS / 3, &[], 0.0);
+        let vertices: Vec<Point> = vertices.into_iter().map(moved).collect();
+        let piece = Shape::new(&vertices, &faces, &Progress::default(), &|_, _| Ok(()))
+            .expect("a sound mesh");
+        let constraints = Constraints::default();
+        let found = [
+            (
+                Which::Target,
+                testing::pair(&piece, &whole, Coverage::BOTH, &constraints),
+            ),
+            (
+                Which::Source,
+                testing::pair(&whole, &piece, Coverage::BOTH, &constraints),
+            ),
+        ]
+        .map(|(part_is, pair)| {
+            let found = locations(&pair, part_is, &|| Ok(())).expect("a graph of parts");
+            found.into_iter().next().expect("it has samples")
+        });
+        for location in &found {
+            // Samples of both meshes are other ones, within an edge of each other.
+            assert!(location.misfit < 0.05, "{}", location.misfit);
+            assert!(location.facing > 0.99, "{}", location.facing);
+            for (v, &place) in location.placed.places.iter().enumerate() {
+                let given = moved_back(piece.mesh.as_given(piece.mesh.vertices[v]));
+                let off = vector::distance(place, whole.mesh.as_own(given));
+                assert!(off < 0.03, "vertex {v} is {off} off");
+            }
+        }
+        assert_eq!(found[0].placed.places, found[1].placed.places);
+        assert_eq!(found[0].placed.images[0], found[1].placed.images[1]);
+    }
+
+    #[test]
+    fn a_frame_is_brought_onto_a_turned_one() {
+        let (from, to) = (
+            along_normal([0.6, 0.0, 0.8]),
+            along_normal([0.0, -1.0, 0.0]),
+        );
+        let by = 0.7_f64;
+        let motion = brought(from, to, by);
+        let off = |a: Point, b: Point| vector::distance(a, b);
+        assert!(off(turned(&motion, from[0]), to[0]) < 1e-12);
+        let second = vector::add(
+            vector::scaled(to[1], by.cos()),
+            vector::scaled(to[2], by.sin()),
+        );
+        assert!(off(turned(&motion, from[1]), second) < 1e-12);
+    }
+}
