@@ -28,8 +28,6 @@ BRUNOS = ("Shirt", "Trousers", "Belt", "Shoes")
 STRIDE = 8
 """Frame of the walk in which both legs are apart."""
 KEYS = "groups,armature,keys"
-LEVELS = (0.7, 0.5)
-"""Fineness of the levels of detail: about a half and a quarter of the vertices."""
 
 
 # ------------------------------------------------------------------ the scene
@@ -255,38 +253,6 @@ def faces():
     row("faces", 3.9, 300, middle=(0, 0, 1.46))
 
 
-def levels():
-    """Mia and two levels of detail that got all from her, with their edges."""
-    cleared()
-    mia = scene.staged(people.mia())
-    scene.add_walk(mia)
-    shown = [mia]
-    for fineness in LEVELS:
-        level = scene.staged(
-            people.mia(fineness), rig=False, keys=False, texture=False, label=f"Mia × {fineness}"
-        )
-        # Without a layout of its own it gets Mia's.
-        for obj in level.objects:
-            obj.data.uv_layers.remove(obj.data.uv_layers[0])
-        with registered():
-            chosen(mia, level)
-            bpy.ops.spectral_match.match()
-            bpy.ops.spectral_match.transfer(kinds="groups,armature,uv,materials")
-        shown.append(level)
-    bpy.context.scene.frame_set(STRIDE)
-    for k, actor in enumerate(shown):
-        for copy in posed(actor.objects, (k - 1) * STEP, f"Level {k}"):
-            wire = copy.copy()
-            wire.data = copy.data.copy()
-            wire.data.materials.clear()
-            wire.data.materials.append(ink())
-            wire.data.polygons.foreach_set("material_index", np.zeros(len(wire.data.polygons), np.int32))
-            modifier = wire.modifiers.new("Edges", "WIREFRAME")
-            modifier.thickness, modifier.use_even_offset = 0.0016, False
-            bpy.context.scene.collection.objects.link(wire)
-    row("levels", 3.7, 640)
-
-
 def ink():
     look = bpy.data.materials.get("Ink") or bpy.data.materials.new("Ink")
     look.use_nodes = True
@@ -297,7 +263,7 @@ def ink():
 # ------------------------------------------------------------------ the loop
 
 FRAME_RATE = 8
-LOOP_SIZE = 720, 405
+LOOP_SIZE = 640, 360
 TOP = 2.0
 """Height above all characters, metres, where a sweep ends."""
 
@@ -359,7 +325,7 @@ class Sweep:
                 links.new(blend.outputs[0], out.inputs["Surface"])
 
 
-def loop(folder=None, samples=6):
+def loop(folder=None, samples=5):
     """Ten seconds: colours flow over both, the walk arrives, the outfit arrives."""
     opened()
     bpy.context.scene.render.use_persistent_data = True
@@ -372,17 +338,20 @@ def loop(folder=None, samples=6):
     for obj in fitted:
         obj.data.materials[0] = obj.data.materials[0].copy()
         obj.data.polygons.foreach_set("material_index", np.zeros(len(obj.data.polygons), np.int32))
+    for obj in (*pieces("Mia"), *pieces("Bruno"), *fitted):
+        # What is not shown need not be loaded.
+        while len(obj.data.materials) > 1:
+            obj.data.materials.pop()
     sweep.wear(fitted, "below")
     sweep.wear(own_clothes, "above")
     sweep.wear([*pieces("Mia"), *bare])
     for obj in (*pieces("Mia"), *bare, *own_clothes, *fitted):
         obj.hide_set(False)
         obj.hide_render = False
-    # Hidden skin would be seen through clothes that are half gone.
-    for label, x in (("Mia", -0.56), ("Bruno", 0.56)):
-        for root in {top(obj) for obj in pieces(label)}:
+    for objects, x in ((pieces("Mia"), -0.56), ([*bare, *own_clothes, *fitted], 0.56)):
+        for root in {top(each) for obj in objects for each in (obj, obj.find_armature())}:
             root.location.x += x
-    studio.built(width=2.75, middle=(0, 0, 0.82), turn=0.12)
+    studio.built(width=3.35, middle=(0, 0, 0.80), turn=0.12)
     rigs = {label: next(obj.find_armature() for obj in pieces(label)) for label in ("Mia", "Bruno")}
     folder = Path(folder or tempfile.mkdtemp())
     frames, lasting = [], []
@@ -438,6 +407,4 @@ def top(obj):
     return obj
 
 
-PICTURES = {
-    picture.__name__: picture for picture in (matched, painted, dressed, walking, faces, levels, loop)
-}
+PICTURES = {picture.__name__: picture for picture in (matched, painted, dressed, walking, faces, loop)}
