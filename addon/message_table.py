@@ -1000,6 +1000,26 @@ MESSAGES = (
         "目标的 {} 个部件作为一体匹配",
     ),
     (
+        "one point of the source lies far out: it was taken to be between its neighbours",
+        "転送元の遠く離れた点 1 個を、隣の点の間にあるものとしました",
+        "来源有 1 个远离的点:按位于相邻点之间处理",
+    ),
+    (
+        "{} points of the source lie far out: they were taken to be between their neighbours",
+        "転送元の遠く離れた点 {} 個を、隣の点の間にあるものとしました",
+        "来源有 {} 个远离的点:按位于相邻点之间处理",
+    ),
+    (
+        "one point of the target lies far out: it was taken to be between its neighbours",
+        "転送先の遠く離れた点 1 個を、隣の点の間にあるものとしました",
+        "目标有 1 个远离的点:按位于相邻点之间处理",
+    ),
+    (
+        "{} points of the target lie far out: they were taken to be between their neighbours",
+        "転送先の遠く離れた点 {} 個を、隣の点の間にあるものとしました",
+        "目标有 {} 个远离的点:按位于相邻点之间处理",
+    ),
+    (
         "one unconnected part of the source was left out ({} vertices)",
         "転送元の離れた部分 1 個を除外(頂点 {})",
         "来源有 1 个分离部分被排除({} 个顶点)",

@@ -138,6 +138,11 @@ TABLE = (
         "网格过于粗糙:请查看“颜色”",
     ),
     (
+        "A point far out was taken to lie between its neighbours",
+        "遠く離れた点を、隣の点の間にあるものとしました",
+        "远离的点按位于相邻点之间处理",
+    ),
+    (
         "One looks the same when it is turned: add landmarks",
         "回しても同じ形です。ランドマークを追加してください",
         "旋转后形状不变:请添加标志点",

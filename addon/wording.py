@@ -26,6 +26,7 @@ PLAIN = (
     ("looks the same when it is turned", "One looks the same when it is turned: add landmarks"),
     ("not refined on what the part covers", "The part was matched with the whole alone: look at Colors"),
     ("does not judge its map", "This method does not judge its map: look at Colors"),
+    ("far out: ", "A point far out was taken to lie between its neighbours"),
     ("neighbours on the target", "Limbs may have grown together where they touch"),
 )
 # Reasons that are no doubts.

@@ -51,10 +51,10 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
         match figure.strays {
             0 => {}
             1 => reasons.push(format!(
-                "one vertex of the {role} is far out: it was taken to be between its neighbours"
+                "one point of the {role} lies far out: it was taken to be between its neighbours"
             )),
             strays => reasons.push(format!(
-                "{strays} vertices of the {role} are far out: they were taken to be between their neighbours"
+                "{strays} points of the {role} lie far out: they were taken to be between their neighbours"
             )),
         }
         if figure.is_wrapped() {
