@@ -344,17 +344,12 @@ fn located(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> {
     if !is_clear {
         return Ok(Vec::new());
     }
-    let unguided = &Pair {
-        constraints: &Constraints::default(),
-        ..*pair
-    };
     let mapped = |location: location::Location| {
-        let (placed, map) = embedded_surface::of_places(unguided, &location.placed, &check)?;
-        let hinted = &Pair {
-            constraints: pair.constraints,
+        let placed = of_placed(pair, location.placed.clone(), progress)?;
+        Ok(Hypothesis {
+            metrics: location.metrics(placed.metrics),
             ..placed
-        };
-        ranking::of_location(hinted, &map, location)
+        })
     };
     let found: Vec<Hypothesis> = found.into_iter().map(mapped).collect::<Result<_>>()?;
     Ok(ranking::merged(pair.source, found, Vec::new()))
@@ -448,7 +443,9 @@ pub(super) fn clearest(
     refine_on_covered(pair, &mut hypotheses[best], &mut map, progress, report)?;
     let chosen = hypotheses.remove(best);
     let mut found = map.finished(pair, &chosen, progress)?;
-    found.others = hypotheses;
+    if !found.is_copy {
+        found.others = hypotheses;
+    }
     report("dense map", 1.0)?;
     Ok(found)
 }

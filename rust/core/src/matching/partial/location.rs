@@ -24,6 +24,7 @@ use crate::deformation::registration::{self, Held, Sampled};
 use crate::error::Result;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Coverage, Pair};
+use crate::matching::ranking::Metrics;
 use crate::matching::refinement::coinciding::Placed;
 use crate::watch::progress::Check;
 
@@ -68,7 +69,7 @@ const NORMAL: f64 = 0.3;
 const TOLERANCE: f64 = 0.15;
 const FAR: f64 = 0.3;
 /// Misfit of a part that lies where it does not belong: 0.11 to 0.17 over heads, hands, feet, legs and trunks of people.
-pub(in crate::matching) const MISPLACED: f64 = 0.2;
+const MISPLACED: f64 = 0.2;
 /// Samples that are nearer to one another than this are asked how their distance changes.
 const NEAR: f64 = 0.35;
 /// How the part is drawn onto the whole.
@@ -92,6 +93,20 @@ pub(in crate::matching) struct Location {
     pub facing: f64,
     /// Mean change of straight distances between its samples that are near one another, √area of the part.
     pub stretch: f64,
+}
+
+impl Location {
+    /// Metrics of its map, by what the part's shape says: its curvatures and those of the whole are smoothed over other lengths.
+    pub fn metrics(&self, of_map: Metrics) -> Metrics {
+        let agreement = 1.0 - self.misfit / MISPLACED;
+        Metrics {
+            orientation: self.facing,
+            local_distortion: self.stretch,
+            agreement,
+            extrinsic_agreement: agreement,
+            ..of_map
+        }
+    }
 }
 
 /// Points with outward unit normals.

@@ -15,7 +15,6 @@ use self::metrics::of_judged;
 use self::shortlist::{DIFFERENT, SHORTLISTED, Shortlisted, mirrored_gain, shortlist};
 use crate::algebra::vector;
 use crate::error::Result;
-use crate::matching::partial::location::{Location, MISPLACED};
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair};
 use crate::matching::refinement::coinciding::Placed;
@@ -239,33 +238,6 @@ pub fn of_placed(pair: &Pair<'_>, found: &Refined<'_>, placed: Arc<Placed>) -> R
         lengths: pair.lengths,
         images,
     })
-}
-
-/// The map of a part that was located on the whole by its shape, found without what is known of it.
-///
-/// # Errors
-/// [`crate::Error::NotFactorised`].
-pub(in crate::matching) fn of_location(
-    pair: &Pair<'_>,
-    found: &Refined<'_>,
-    Location {
-        placed,
-        misfit,
-        facing,
-        stretch,
-    }: Location,
-) -> Result<Hypothesis> {
-    let mut hypothesis = of_placed(pair, found, Arc::new(placed))?;
-    // Curvatures of a part and of the whole are smoothed over other lengths.
-    let agreement = 1.0 - misfit / MISPLACED;
-    hypothesis.metrics = Metrics {
-        orientation: facing,
-        local_distortion: stretch,
-        agreement,
-        extrinsic_agreement: agreement,
-        ..hypothesis.metrics
-    };
-    Ok(hypothesis)
 }
 
 /// Mean cosine between the normals at one shape's judging samples and at their images.

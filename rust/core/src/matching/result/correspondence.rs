@@ -56,6 +56,8 @@ pub struct Correspondence {
     pub unmatched: usize,
     /// Other maps that stood in the vote, best first.
     pub others: Vec<Hypothesis>,
+    /// Whether the target is a copy of the source, or of a part of it, and answers vertex to vertex: no other map then says anything.
+    pub is_copy: bool,
     /// What was known of the map.
     pub constraints: Arc<Constraints>,
 }
@@ -164,28 +166,31 @@ pub(in crate::matching) fn dense_map(
         || functional_map(source, target, images, back, check),
     );
     let (mut points, functional_map) = (points?, functional_map?);
+    let mut is_copy = false;
     if in_detail {
-        points = in_detail_of_given(source, target, points, landmarks, check)?;
+        (points, is_copy) = in_detail_of_given(source, target, points, landmarks, check)?;
     }
     let trust = match &target.full {
         Some(full) => full.carried(&trust, &target.mesh),
         None => trust,
     };
     let mut found = in_given_numbering(source, target, &points, &trust, functional_map);
+    found.is_copy = is_copy;
     if source.full.is_some() || target.full.is_some() {
         found.points = points;
     }
     Ok(found)
 }
 
-/// Points refined on the given meshes where these are as fine as the working ones, and not too large.
+/// Points refined on the given meshes where these are as fine as the working ones, and not too large, and whether the target is a
+/// copy.
 fn in_detail_of_given(
     source: &Shape,
     target: &Shape,
     points: Vec<SurfacePoint>,
     landmarks: &[(u32, u32)],
     check: Check<'_>,
-) -> Result<Vec<SurfacePoint>> {
+) -> Result<(Vec<SurfacePoint>, bool)> {
     let full = target.full.as_ref();
     let given = landmarks
         .iter()
@@ -193,14 +198,15 @@ fn in_detail_of_given(
     let given: Vec<u32> = given.collect();
     let meshes = [source.given_mesh(), target.given_mesh()];
     if let Some(copied) = detail::copied(meshes[0], meshes[1], &points, &given, check)? {
-        return Ok(copied);
+        return Ok((copied, true));
     }
     let is_coarse = |shape: &Shape| shape.full.as_ref().is_some_and(FullResolution::is_finer);
     let is_large = |mesh: &Mesh| mesh.vertices.len() > detail::MOST_VERTICES;
     if is_coarse(source) || is_coarse(target) || meshes.into_iter().any(is_large) {
-        return Ok(points);
+        return Ok((points, false));
     }
-    detail::refined(meshes[0], meshes[1], &points, &given, check)
+    let refined = detail::refined(meshes[0], meshes[1], &points, &given, check)?;
+    Ok((refined, false))
 }
 
 /// Point of the given source mesh for each vertex of the given target mesh.
@@ -304,6 +310,7 @@ fn in_given_numbering(
         convergence: None,
         unmatched: 0,
         others: Vec::new(),
+        is_copy: false,
         constraints: Arc::default(),
     };
     for (v, own) in checked.into_iter().enumerate() {
