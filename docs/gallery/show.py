@@ -205,7 +205,7 @@ def walking():
 
 
 FACE = ("Head", "Eyes", "Lids", "Lashes", "Mouth", "Brows")
-LIFT = 0.36
+LIFT = 0.17
 """By which Bruno's head is lifted to Mia's."""
 EXPRESSIONS = (
     {},
@@ -250,7 +250,7 @@ def faces():
             for copy in copies:
                 copy.location.z = lift
                 copy.rotation_euler.z = 0.25
-    row("faces", 3.9, 300, middle=(0, 0, 1.46))
+    row("faces", 3.9, 260, middle=(0, 0, 1.46))
 
 
 def ink():
