@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 
@@ -255,35 +256,40 @@ def _mouth_keys(places):
 # ------------------------------------------------------------------ making
 
 
-def _made(build, specification, triangles):
+@dataclass(frozen=True)
+class Design:
+    """What a piece is made of.
+
+    `mesh` gives vertices on the template and quads, and where it `moves`, also how they move when the eyes
+    close. `keys` gives displacements by name for such vertices, `weights` theirs of the template's bones.
+    """
+
+    name: str
+    mesh: Callable
+    brush: Callable
+    roughness: float
+    cell: tuple[float, float, float]
+    weights: Callable | None = None
+    keys: Callable | None = None
+    moves: bool = False
+
+
+def _made(build, designs, triangles):
     pieces = []
-    for name, mesh, options in specification:
-        mesh, moved = mesh() if options.get("moves") else (mesh(), None)
+    for design in designs:
+        mesh, moved = design.mesh() if design.moves else (design.mesh(), None)
         places, quads = mesh
-        keys = {}
+        keys = design.keys(places) if design.keys else {}
         if moved is not None:
             keys = {
                 f"eyeBlink{side}": _side(places, sign) * moved for side, sign in (("Left", 1), ("Right", -1))
             }
-        elif "keys" in options:
-            keys = options["keys"](places)
         vertices = build(places)
         keys = {key: build(places + shift) - vertices for key, shift in keys.items()}
-        weights = options.get("weights", _by_skin)(places)
+        weights = (design.weights or _by_skin)(places)
         faces = _halved(vertices, quads) if triangles else quads
-        pieces.append(
-            Piece(
-                name,
-                places,
-                vertices,
-                faces,
-                weights,
-                options["brush"],
-                options["roughness"],
-                options["cell"],
-                keys,
-            )
-        )
+        look = design.brush, design.roughness, design.cell
+        pieces.append(Piece(design.name, places, vertices, faces, weights, *look, keys))
     return pieces
 
 
@@ -295,14 +301,83 @@ def _halved(vertices, quads):
     return np.concatenate([first, second])
 
 
+CELL = 1 / 8
+"""Side of the smallest part of the texture."""
+
+
+class Look(NamedTuple):
+    """What differs in the pieces that both have: colours, and the lengths of edges."""
+
+    tone: tuple
+    blush: tuple
+    lips: tuple
+    """Of `paint.skin`, beside tone and blush."""
+    underwear: tuple
+    iris: tuple
+    brow: tuple
+    lids: tuple
+    """Their columns and rows."""
+    edges: dict
+    """By piece."""
+    brows: dict
+    """How they are shaped."""
+
+
+def _bare(of, look):
+    """What both have: skin, and what is in a face."""
+    on_head, edges = _on("head"), look.edges
+    skin = partial(paint.skin, look.tone, look.blush)
+    eye, inner = (0.5, 0.25, 0.25), (0.75, 0.375, CELL)
+    return [
+        Design("Head", of(wardrobe.head, edges["Head"]), skin(*look.lips), 0.5, (0, 0, 0.5), keys=_face_keys),
+        Design("Hands", of(wardrobe.hands, edges["Hands"]), skin(look.blush), 0.5, (0.5, 0, 0.25)),
+        Design(
+            "Body",
+            of(wardrobe.body, edges["Body"]),
+            paint.underwear(look.tone, look.underwear),
+            0.5,
+            (0.75, 0, 0.25),
+        ),
+        Design("Eyes", partial(wardrobe.eyes, 14), paint.eye(*look.iris), 0.08, eye, on_head),
+        Design(
+            "Lids",
+            partial(wardrobe.lids, *look.lids),
+            paint.lids(look.tone),
+            0.5,
+            (0.75, 0.25, CELL),
+            on_head,
+            moves=True,
+        ),
+        Design("Mouth", of(wardrobe.mouth, edges["Mouth"]), paint.teeth, 0.2, inner, on_head, _mouth_keys),
+        Design(
+            "Brows",
+            of(wardrobe.brows, edges["Brows"], **look.brows),
+            paint.plain(look.brow),
+            0.7,
+            (0.875, 0.375, CELL),
+            on_head,
+            _brow_keys,
+        ),
+    ]
+
+
 def mia(fineness: float = 1.0) -> Person:
     """A slim girl in a raincoat: quads on an upright grid. `fineness` divides the lengths of edges."""
-    tone, blush, brown = (0.93, 0.72, 0.58), (0.92, 0.47, 0.40), (0.36, 0.16, 0.08)
-    yellow, cell = (0.96, 0.72, 0.10), 1 / 8
     on_head = _on("head")
+    look = Look(
+        tone=(0.93, 0.72, 0.58),
+        blush=(0.92, 0.47, 0.40),
+        lips=((0.80, 0.33, 0.32), True),
+        underwear=(0.90, 0.90, 0.92),
+        iris=((0.22, 0.55, 0.35), (0.05, 0.16, 0.10)),
+        brow=(0.30, 0.13, 0.07),
+        lids=(17, 6),
+        edges={"Head": 0.0105, "Hands": 0.0085, "Body": 0.0200, "Mouth": 0.0065, "Brows": 0.0050},
+        brows={},
+    )
 
-    def of(function, spacing):
-        return partial(function, spacing / fineness, 0.0)
+    def of(function, spacing, **options):
+        return partial(function, spacing / fineness, 0.0, **options)
 
     def metal(points):
         return (points[:, 0] < -0.244) & (points[:, 2] < 0.83)
@@ -310,152 +385,57 @@ def mia(fineness: float = 1.0) -> Person:
     trim = paint.leather(
         (0.42, 0.24, 0.10), (0.93, 0.66, 0.10), lambda p: (np.abs(p[:, 0]) > 0.04) & (p[:, 2] < 0.815)
     )
-    specification = [
-        (
-            "Head",
-            of(wardrobe.head, 0.0105),
-            {
-                "brush": paint.skin(tone, blush, (0.80, 0.33, 0.32), True),
-                "roughness": 0.5,
-                "cell": (0, 0, 0.5),
-                "keys": _face_keys,
-            },
-        ),
-        (
-            "Hands",
-            of(wardrobe.hands, 0.0085),
-            {"brush": paint.skin(tone, blush, blush), "roughness": 0.5, "cell": (0.5, 0, 0.25)},
-        ),
-        (
-            "Body",
-            of(wardrobe.body, 0.0200),
-            {"brush": paint.underwear(tone, (0.90, 0.90, 0.92)), "roughness": 0.5, "cell": (0.75, 0, 0.25)},
-        ),
-        (
-            "Eyes",
-            partial(wardrobe.eyes, 14),
-            {
-                "brush": paint.eye((0.22, 0.55, 0.35), (0.05, 0.16, 0.10)),
-                "roughness": 0.08,
-                "cell": (0.5, 0.25, 0.25),
-                "weights": on_head,
-            },
-        ),
-        (
-            "Lids",
-            partial(wardrobe.lids, 17, 6),
-            {
-                "brush": paint.lids(tone),
-                "roughness": 0.5,
-                "cell": (0.75, 0.25, cell),
-                "weights": on_head,
-                "moves": True,
-            },
-        ),
-        (
-            "Lashes",
-            partial(wardrobe.lashes, 17),
-            {
-                "brush": paint.plain((0.10, 0.05, 0.04)),
-                "roughness": 0.6,
-                "cell": (0.875, 0.25, cell),
-                "weights": on_head,
-                "moves": True,
-            },
-        ),
-        (
-            "Mouth",
-            of(wardrobe.mouth, 0.0065),
-            {
-                "brush": paint.teeth,
-                "roughness": 0.2,
-                "cell": (0.75, 0.375, cell),
-                "weights": on_head,
-                "keys": _mouth_keys,
-            },
-        ),
-        (
-            "Brows",
-            of(wardrobe.brows, 0.0050),
-            {
-                "brush": paint.plain((0.30, 0.13, 0.07)),
-                "roughness": 0.7,
-                "cell": (0.875, 0.375, cell),
-                "weights": on_head,
-                "keys": _brow_keys,
-            },
-        ),
-        (
-            "Hair",
-            of(wardrobe.girl_hair, 0.0130),
-            {
-                "brush": paint.hair(brown, (0.66, 0.34, 0.16)),
-                "roughness": 0.42,
-                "cell": (0, 0.5, 0.25),
-                "weights": on_head,
-            },
-        ),
-        (
+    oilskin = paint.oilskin((0.96, 0.72, 0.10), (0.99, 0.90, 0.55))
+    striped = paint.stripes((0.20, 0.22, 0.38), (0.86, 0.84, 0.82), 0.026)
+    rubber = paint.rubber((0.80, 0.14, 0.13), (0.94, 0.91, 0.85))
+    satchel = paint.leather((0.46, 0.25, 0.12), (0.88, 0.70, 0.32), metal)
+    hair = paint.hair((0.36, 0.16, 0.08), (0.66, 0.34, 0.16))
+    lashes = Design(
+        "Lashes",
+        partial(wardrobe.lashes, 17),
+        paint.plain((0.10, 0.05, 0.04)),
+        0.6,
+        (0.875, 0.25, CELL),
+        on_head,
+        moves=True,
+    )
+    bare = _bare(of, look)
+    designs = [
+        *bare[:5],
+        lashes,
+        *bare[5:],
+        Design("Hair", of(wardrobe.girl_hair, 0.0130), hair, 0.42, (0, 0.5, 0.25), on_head),
+        Design(
             "Ties",
             of(wardrobe.girl_ties, 0.0080),
-            {
-                "brush": paint.plain((0.82, 0.16, 0.18)),
-                "roughness": 0.7,
-                "cell": (0, 0.75, cell),
-                "weights": on_head,
-            },
+            paint.plain((0.82, 0.16, 0.18)),
+            0.7,
+            (0, 0.75, CELL),
+            on_head,
         ),
-        (
-            "Coat",
-            of(wardrobe.coat, 0.0185),
-            {
-                "brush": paint.oilskin(yellow, (0.99, 0.90, 0.55)),
-                "roughness": 0.34,
-                "cell": (0.5, 0.5, 0.5),
-                "weights": _skirt,
-            },
-        ),
-        (
-            "Buttons",
-            of(wardrobe.coat_trim, 0.0095),
-            {"brush": trim, "roughness": 0.4, "cell": (cell, 0.75, cell), "weights": _skirt},
-        ),
-        (
-            "Leggings",
-            of(wardrobe.leggings, 0.0190),
-            {
-                "brush": paint.stripes((0.20, 0.22, 0.38), (0.86, 0.84, 0.82), 0.026),
-                "roughness": 0.8,
-                "cell": (0.25, 0.5, 0.25),
-            },
-        ),
-        (
-            "Boots",
-            of(wardrobe.boots, 0.0140),
-            {
-                "brush": paint.rubber((0.80, 0.14, 0.13), (0.94, 0.91, 0.85)),
-                "roughness": 0.22,
-                "cell": (0.25, 0.75, 0.25),
-            },
-        ),
-        (
-            "Satchel",
-            of(wardrobe.bag, 0.0110),
-            {
-                "brush": paint.leather((0.46, 0.25, 0.12), (0.88, 0.70, 0.32), metal),
-                "roughness": 0.5,
-                "cell": (0, 0.875, cell),
-                "weights": _bag,
-            },
-        ),
+        Design("Coat", of(wardrobe.coat, 0.0185), oilskin, 0.34, (0.5, 0.5, 0.5), _skirt),
+        Design("Buttons", of(wardrobe.coat_trim, 0.0095), trim, 0.4, (CELL, 0.75, CELL), _skirt),
+        Design("Leggings", of(wardrobe.leggings, 0.0190), striped, 0.8, (0.25, 0.5, 0.25)),
+        Design("Boots", of(wardrobe.boots, 0.0140), rubber, 0.22, (0.25, 0.75, 0.25)),
+        Design("Satchel", of(wardrobe.bag, 0.0110), satchel, 0.5, (0, 0.875, CELL), _bag),
     ]
-    return Person("Mia", MIA, HUMANOID, _made(MIA, specification, triangles=False))
+    return Person("Mia", MIA, HUMANOID, _made(MIA, designs, triangles=False))
 
 
 def bruno(fineness: float = 1.0) -> Person:
     """A stocky sailor with a beard: triangles on a grid that is turned by 20 degrees, and coarser."""
-    tone, blush, ginger = (0.87, 0.62, 0.48), (0.84, 0.36, 0.30), (0.50, 0.22, 0.08)
-    cell, on_head = 1 / 8, _on("head")
+    on_head = _on("head")
+    look = Look(
+        tone=(0.87, 0.62, 0.48),
+        blush=(0.84, 0.36, 0.30),
+        lips=((0.70, 0.34, 0.30),),
+        underwear=(0.72, 0.74, 0.78),
+        iris=((0.25, 0.45, 0.70), (0.06, 0.12, 0.25)),
+        brow=(0.40, 0.17, 0.06),
+        lids=(15, 5),
+        edges={"Head": 0.0125, "Hands": 0.0085, "Body": 0.0220, "Mouth": 0.0070, "Brows": 0.0060},
+        brows={"thick": 1.75, "slope": -0.012},
+    )
 
     def of(function, spacing, **options):
         return partial(function, spacing / fineness, 0.35, **options)
@@ -463,125 +443,19 @@ def bruno(fineness: float = 1.0) -> Person:
     def buckle(points):
         return (np.abs(points[:, 0]) < 0.036) & (points[:, 1] < -0.09) & (np.abs(points[:, 2] - 0.888) < 0.03)
 
-    specification = [
-        (
-            "Head",
-            of(wardrobe.head, 0.0125),
-            {
-                "brush": paint.skin(tone, blush, (0.70, 0.34, 0.30)),
-                "roughness": 0.5,
-                "cell": (0, 0, 0.5),
-                "keys": _face_keys,
-            },
-        ),
-        (
-            "Hands",
-            of(wardrobe.hands, 0.0085),
-            {"brush": paint.skin(tone, blush, blush), "roughness": 0.5, "cell": (0.5, 0, 0.25)},
-        ),
-        (
-            "Body",
-            of(wardrobe.body, 0.0220),
-            {"brush": paint.underwear(tone, (0.72, 0.74, 0.78)), "roughness": 0.5, "cell": (0.75, 0, 0.25)},
-        ),
-        (
-            "Eyes",
-            partial(wardrobe.eyes, 14),
-            {
-                "brush": paint.eye((0.25, 0.45, 0.70), (0.06, 0.12, 0.25)),
-                "roughness": 0.08,
-                "cell": (0.5, 0.25, 0.25),
-                "weights": on_head,
-            },
-        ),
-        (
-            "Lids",
-            partial(wardrobe.lids, 15, 5),
-            {
-                "brush": paint.lids(tone),
-                "roughness": 0.5,
-                "cell": (0.75, 0.25, cell),
-                "weights": on_head,
-                "moves": True,
-            },
-        ),
-        (
-            "Mouth",
-            of(wardrobe.mouth, 0.0070),
-            {
-                "brush": paint.teeth,
-                "roughness": 0.2,
-                "cell": (0.75, 0.375, cell),
-                "weights": on_head,
-                "keys": _mouth_keys,
-            },
-        ),
-        (
-            "Brows",
-            of(wardrobe.brows, 0.0060, thick=1.75, slope=-0.012),
-            {
-                "brush": paint.plain((0.40, 0.17, 0.06)),
-                "roughness": 0.7,
-                "cell": (0.875, 0.375, cell),
-                "weights": on_head,
-                "keys": _brow_keys,
-            },
-        ),
-        (
-            "Beard",
-            of(wardrobe.beard, 0.0125),
-            {
-                "brush": paint.hair(ginger, (0.78, 0.42, 0.18), 60.0),
-                "roughness": 0.55,
-                "cell": (0, 0.5, 0.25),
-                "weights": on_head,
-            },
-        ),
-        (
-            "Beanie",
-            of(wardrobe.beanie, 0.0125),
-            {
-                "brush": paint.knit((0.74, 0.15, 0.13), (0.95, 0.92, 0.86)),
-                "roughness": 0.85,
-                "cell": (0, 0.75, 0.25),
-                "weights": on_head,
-            },
-        ),
-        (
-            "Shirt",
-            of(wardrobe.shirt, 0.0180),
-            {
-                "brush": paint.stripes((0.93, 0.92, 0.89), (0.13, 0.20, 0.38), 0.032),
-                "roughness": 0.8,
-                "cell": (0.5, 0.5, 0.5),
-            },
-        ),
-        (
-            "Trousers",
-            of(wardrobe.trousers, 0.0190),
-            {
-                "brush": paint.denim((0.16, 0.22, 0.34), (0.78, 0.60, 0.35)),
-                "roughness": 0.8,
-                "cell": (0.25, 0.5, 0.25),
-            },
-        ),
-        (
-            "Belt",
-            of(wardrobe.belt, 0.0110),
-            {
-                "brush": paint.leather((0.40, 0.21, 0.09), (0.88, 0.72, 0.34), buckle),
-                "roughness": 0.45,
-                "cell": (0.875, 0.25, cell),
-            },
-        ),
-        (
-            "Shoes",
-            of(wardrobe.shoes, 0.0140),
-            {
-                "brush": paint.rubber((0.36, 0.20, 0.10), (0.20, 0.13, 0.09)),
-                "roughness": 0.4,
-                "cell": (0.25, 0.75, 0.25),
-            },
-        ),
+    beard = paint.hair((0.50, 0.22, 0.08), (0.78, 0.42, 0.18), 60.0)
+    knit = paint.knit((0.74, 0.15, 0.13), (0.95, 0.92, 0.86))
+    striped = paint.stripes((0.93, 0.92, 0.89), (0.13, 0.20, 0.38), 0.032)
+    denim = paint.denim((0.16, 0.22, 0.34), (0.78, 0.60, 0.35))
+    leather = paint.leather((0.40, 0.21, 0.09), (0.88, 0.72, 0.34), buckle)
+    sole = paint.rubber((0.36, 0.20, 0.10), (0.20, 0.13, 0.09))
+    designs = [
+        *_bare(of, look),
+        Design("Beard", of(wardrobe.beard, 0.0125), beard, 0.55, (0, 0.5, 0.25), on_head),
+        Design("Beanie", of(wardrobe.beanie, 0.0125), knit, 0.85, (0, 0.75, 0.25), on_head),
+        Design("Shirt", of(wardrobe.shirt, 0.0180), striped, 0.8, (0.5, 0.5, 0.5)),
+        Design("Trousers", of(wardrobe.trousers, 0.0190), denim, 0.8, (0.25, 0.5, 0.25)),
+        Design("Belt", of(wardrobe.belt, 0.0110), leather, 0.45, (0.875, 0.25, CELL)),
+        Design("Shoes", of(wardrobe.shoes, 0.0140), sole, 0.4, (0.25, 0.75, 0.25)),
     ]
-    return Person("Bruno", BRUNO, ENGINE, _made(BRUNO, specification, triangles=True))
+    return Person("Bruno", BRUNO, ENGINE, _made(BRUNO, designs, triangles=True))
