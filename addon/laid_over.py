@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from . import mesh_read
 from .mesh_write import read_attribute, write_attribute
 from .morph import ALONG, FITTED
+from .similarity import moved, similarity
 
 Floats = NDArray[np.floating[Any]]
 
@@ -25,37 +26,22 @@ def write(targets: Sequence[bpy.types.Object]) -> None:
     """Write `FITTED` and `ALONG` for the meshes of a target.
 
     The source's surface is laid over them by the similarity, without mirroring, that brings the images of
-    their vertices nearest to these in the least squares sense (Umeyama, IEEE PAMI 13, 1991): so it does not
-    matter how the two objects are turned and scaled.
+    their vertices nearest to these in the least squares sense: so it does not matter how the two objects are
+    turned and scaled.
     """
     placed = [np.array(target.matrix_world) for target in targets]
     there = np.array(targets[0].spectral_match_source.matrix_world)
-    own = [_moved(mesh_read.positions(t.data), matrix) for t, matrix in zip(targets, placed, strict=True)]
-    images = [_moved(read_attribute(t.data.attributes["match_position"]), there) for t in targets]
-    laid = _moved(np.concatenate(images), similarity(np.concatenate(images), np.concatenate(own)))
-    low, high = np.concatenate(own).min(axis=0), np.concatenate(own).max(axis=0)
+    own = [moved(mesh_read.positions(t.data), matrix) for t, matrix in zip(targets, placed, strict=True)]
+    images = [moved(read_attribute(t.data.attributes["match_position"]), there) for t in targets]
+    found, wanted = np.concatenate(images), np.concatenate(own)
+    fitting = similarity(found, wanted)
+    laid = found - found.mean(axis=0) + wanted.mean(axis=0) if fitting is None else moved(found, fitting)
+    low, high = wanted.min(axis=0), wanted.max(axis=0)
     axis = int((high - low).argmax())
     split = np.split(laid, np.cumsum([len(points) for points in own])[:-1])
     for target, matrix, points, over in zip(targets, placed, own, split, strict=True):
-        local = _moved(over, np.linalg.inv(matrix))
+        local = moved(over, np.linalg.inv(matrix))
         write_attribute(target.data, FITTED, "FLOAT_VECTOR", "POINT", local)
         along = (points[:, axis] - low[axis]) / max(high[axis] - low[axis], np.finfo(np.float32).tiny)
         write_attribute(target.data, ALONG, "FLOAT", "POINT", along)
         target.data.update()
-
-
-def _moved(points: Floats, matrix: Floats) -> Floats:
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
-
-
-def similarity(points: Floats, aims: Floats) -> Floats:
-    """The rotation, scale and shift, (4, 4), that bring points (n, 3) nearest to their aims (n, 3)."""
-    from_mean, to_mean = points.mean(axis=0), aims.mean(axis=0)
-    centred, aimed = points - from_mean, aims - to_mean
-    u, stretch, v = np.linalg.svd(aimed.T @ centred)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u) * np.linalg.det(v))])
-    spread = np.square(centred).sum()
-    made = np.eye(4)
-    made[:3, :3] = (u * signs) @ v * ((stretch * signs).sum() / spread if spread > 0.0 else 1.0)
-    made[:3, 3] = to_mean - made[:3, :3] @ from_mean
-    return made

@@ -14,24 +14,28 @@ from .step import Step
 ISLAND_MARGIN = 8 / 2048
 
 
-def _named(name):
-    obj = bpy.data.objects.get(name)
-    if obj is None:
-        raise UnusableObjectError(f"There is no object named '{name}' any more")
-    return obj
+class OnObject(Step):
+    """A step on the object of a name."""
 
-
-class SPECTRAL_MATCH_OT_show_object(Step, Operator):
-    """Show this object in the viewport, with the collections that it is in"""
-
-    bl_idname = "spectral_match.show_object"
-    bl_label = "Show It"
     bl_options = {"UNDO", "INTERNAL"}
 
     name: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
     def act(self, context):
-        obj = _named(self.name)
+        obj = bpy.data.objects.get(self.name)
+        if obj is None:
+            raise UnusableObjectError(f"There is no object named '{self.name}' any more")
+        self.act_on(obj, context)
+        return {"FINISHED"}
+
+
+class SPECTRAL_MATCH_OT_show_object(OnObject, Operator):
+    """Show this object in the viewport, with the collections that it is in"""
+
+    bl_idname = "spectral_match.show_object"
+    bl_label = "Show It"
+
+    def act_on(self, obj, context):
         for layer in _above(context.view_layer.layer_collection, obj):
             layer.exclude = layer.hide_viewport = layer.collection.hide_viewport = False
         obj.hide_viewport = False
@@ -39,7 +43,6 @@ class SPECTRAL_MATCH_OT_show_object(Step, Operator):
         if obj.name not in context.view_layer.objects:
             raise UnusableObjectError(f"'{obj.name}' is in another scene. Link it to this one")
         obj.hide_set(False)
-        return {"FINISHED"}
 
 
 def _above(layer, obj):
@@ -53,34 +56,25 @@ def _above(layer, obj):
     return []
 
 
-class SPECTRAL_MATCH_OT_unit_scale(Step, Operator):
+class SPECTRAL_MATCH_OT_unit_scale(OnObject, Operator):
     """Give this object the scale 1 along each axis that is scaled to nothing"""
 
     bl_idname = "spectral_match.unit_scale"
     bl_label = "Set Its Scale to 1"
-    bl_options = {"UNDO", "INTERNAL"}
 
-    name: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
-
-    def act(self, _context):
-        obj = _named(self.name)
+    def act_on(self, obj, _context):
         if all(obj.scale):
             raise UnusableObjectError(f"'{obj.name}' itself has a scale: its parent has none. Scale that")
         obj.scale = [factor or 1.0 for factor in obj.scale]
-        return {"FINISHED"}
 
 
-class SPECTRAL_MATCH_OT_unwrap(Step, Operator):
+class SPECTRAL_MATCH_OT_unwrap(OnObject, Operator):
     """Give this mesh a UV map of its own, beside those it has, by Smart UV Project"""
 
     bl_idname = "spectral_match.unwrap"
     bl_label = "Unwrap It"
-    bl_options = {"UNDO", "INTERNAL"}
 
-    name: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
-
-    def act(self, context):
-        obj = _named(self.name)
+    def act_on(self, obj, context):
         objects = context.view_layer.objects
         if obj.name not in objects or not obj.visible_get():
             raise UnusableObjectError(f"'{obj.name}' is hidden. Show it to unwrap it")
@@ -110,7 +104,6 @@ class SPECTRAL_MATCH_OT_unwrap(Step, Operator):
                 for elements, state, values in states:
                     elements.foreach_set(state, values)
         self.tell({"INFO"}, f"'{obj.name}' got the UV map '{name}'. Transfer again to bake into it")
-        return {"FINISHED"}
 
 
 def _states(mesh):

@@ -7,6 +7,8 @@ import numpy as np
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
+from ..similarity import moved, similarity
+
 # One surface lies on the other up to this share of the target's size: roundings of files and of moving.
 ON = 1e-4
 # It lies on it where so much of it does; the rest may be modelled anew.
@@ -44,7 +46,7 @@ def coincidence(route):
         if to_target is None:
             continue
         reach = _reach(route.target_points, to_target)
-        if np.mean(_nearest(tree, _moved(np.linalg.inv(to_target), probes))[2] < reach) >= MOST:
+        if np.mean(_nearest(tree, moved(probes, np.linalg.inv(to_target)))[2] < reach) >= MOST:
             return _corners(route, tree, images, to_target, reach)
     return None
 
@@ -52,10 +54,6 @@ def coincidence(route):
 def _reach(points, to_target):
     """How near is on, in the source's units."""
     return ON * np.linalg.norm(np.ptp(points, axis=0)) / np.cbrt(abs(np.linalg.det(to_target[:3, :3])))
-
-
-def _moved(matrix, points):
-    return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
 def _nearest(tree, points):
@@ -70,9 +68,9 @@ def _laid(tree, probes, images):
 
     Chen, Medioni, "Object modelling by registration of multiple range images" (1992), by the nearer half.
     """
-    to_source = _similarity(probes, images)
+    to_source = similarity(probes, images)
     for _ in range(ROUNDS if to_source is not None else 0):
-        points = _moved(to_source, probes)
+        points = moved(probes, to_source)
         found = [tree.find_nearest(point) for point in points.tolist()]
         places, normals = (np.array([each[k] for each in found]) for k in (0, 1))
         off = np.einsum("ij,ij->i", places - points, normals)
@@ -89,27 +87,13 @@ def _laid(tree, probes, images):
     return None if to_source is None else np.linalg.inv(to_source)
 
 
-def _similarity(points, wanted):
-    """The similarity, (4, 4), that takes points to wanted ones (Umeyama, 1991), or None for a point."""
-    middle, there = points.mean(axis=0), wanted.mean(axis=0)
-    spread = ((points - middle) ** 2).sum()
-    left, values, right = np.linalg.svd((wanted - there).T @ (points - middle))
-    if spread == 0.0 or values.sum() == 0.0:
-        return None
-    side = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
-    matrix = np.eye(4)
-    matrix[:3, :3] = (values * side).sum() / spread * (left * side) @ right
-    matrix[:3, 3] = there - matrix[:3, :3] @ middle
-    return matrix
-
-
 def _corners(route, tree, images, to_target, reach):
     _, vertex = route.faces
     places, middles = route.target_points[vertex], np.empty((len(vertex), 3))
     # Faces need not be flat: of each corner one triangle.
     middles[route.target_corners] = places[route.target_corners].mean(axis=1, keepdims=True)
     back = np.linalg.inv(to_target)
-    places, middles = _moved(back, places), _moved(back, middles)
+    places, middles = moved(places, back), moved(middles, back)
     _, triangles, away = _nearest(tree, places + INTO_FACE * (middles - places))
     corners = route.source_points[route.triangles[triangles]]
     weights = _barycentric(corners, places)
