@@ -37,6 +37,29 @@ pub fn cross(a: Point, b: Point) -> Point {
     ]
 }
 
+/// The matrix of these rows times v.
+#[must_use]
+pub fn by_rows(rows: &[Point; 3], v: Point) -> Point {
+    rows.map(|row| dot(row, v))
+}
+
+/// The matrix of these columns times v.
+#[must_use]
+pub fn by_columns(columns: &[Point; 3], v: Point) -> Point {
+    let [a, b, c] = [0, 1, 2].map(|i| scaled(columns[i], v[i]));
+    add(a, add(b, c))
+}
+
+/// The largest side of the box around some points, 0 around none.
+#[must_use]
+pub fn extent(points: &[Point]) -> f64 {
+    let side = |c: usize| {
+        let along = points.iter().map(|p| p[c]);
+        along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
+    };
+    (0..3).map(side).fold(0.0, f64::max)
+}
+
 /// Euclidean length.
 #[must_use]
 pub fn norm(a: Point) -> f64 {

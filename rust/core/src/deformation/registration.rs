@@ -122,6 +122,12 @@ pub fn nearest_samples(own: Sampled<'_>, other: Sampled<'_>, normal: f64) -> [Ve
     [asked, answered]
 }
 
+/// For each sample of a surface the number of the nearest of another, in positions and normals of this weight.
+fn nearest_of(own: Sampled<'_>, other: Sampled<'_>, normal: f64) -> Vec<u32> {
+    let (own, other) = (own.features(normal), other.features(normal));
+    closest(own.as_ref(), other.as_ref(), None, 1.0)
+}
+
 /// Mean distance between the samples of both surfaces and the nearest of the other, in positions and normals of this weight.
 #[must_use]
 pub fn misfit(own: Sampled<'_>, other: Sampled<'_>, normal: f64) -> f64 {
@@ -156,14 +162,18 @@ impl Sampled<'_> {
 /// What draws each vertex of a surface to another: its samples to their images, and to the samples of which they are
 /// images.
 fn pulls(own: Sampled<'_>, still: Sampled<'_>, weight: f64, settings: &Settings) -> Vec<Pull> {
-    let [asked, answered] = nearest_samples(own, still, settings.normal);
+    let (asked, answered) = if settings.both_ask {
+        let [asked, answered] = nearest_samples(own, still, settings.normal);
+        (asked, answered)
+    } else {
+        (nearest_of(own, still, settings.normal), Vec::new())
+    };
     let half = if settings.both_ask { 0.5 } else { 1.0 };
     let share = |count: usize| half * weight / count as f64;
     let shares = [own.samples.len(), still.samples.len()].map(share);
     let asked = own.samples.iter().zip(&asked);
     let asked = asked.map(|(&v, &image)| (v, still.samples[image as usize], shares[0]));
     let answered = still.samples.iter().zip(&answered);
-    let answered = answered.filter(|_| settings.both_ask);
     let answered = answered.map(|(&image, &v)| (own.samples[v as usize], image, shares[1]));
     let mut pulls: Vec<Pull> = vec![([[0.0; 3]; 3], [0.0; 3]); own.places.len()];
     for (v, image, share) in asked.chain(answered) {

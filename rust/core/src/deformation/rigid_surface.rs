@@ -124,9 +124,9 @@ impl<'a> RigidSurface<'a> {
                         let j = j as usize;
                         let edge = vector::scaled(vector::sub(self.rest[i], self.rest[j]), w);
                         own = vector::add(own, edge);
-                        others = vector::add(others, turned(&self.rotations[j], edge));
+                        others = vector::add(others, vector::by_columns(&self.rotations[j], edge));
                     }
-                    let held = vector::add(turned(&self.rotations[i], own), others);
+                    let held = vector::add(vector::by_columns(&self.rotations[i], own), others);
                     let held = vector::scaled(held, 0.5 * RIGIDITY);
                     let [x, y, z] = vector::add(vector::scaled(places[i], areas[i]), held);
                     [x, y, z, 0.0]
@@ -164,12 +164,6 @@ impl<'a> RigidSurface<'a> {
                 rotate_towards(rotation, &covariance);
             });
     }
-}
-
-/// R·v.
-fn turned(rotation: &Rotation, v: Point) -> Point {
-    let [a, b, c] = [0, 1, 2].map(|i| vector::scaled(rotation[i], v[i]));
-    vector::add(a, vector::add(b, c))
 }
 
 /// Turns R until tr(RᵀM) is largest, M given by columns.

@@ -519,7 +519,7 @@ fn backdrops(welded: &Welded, piece: &[u32], pieces: usize) -> Vec<bool> {
 /// Every welded vertex as seen from the envelope.
 fn anchors(welded: &Welded, envelope: &Surface) -> Vec<Anchor> {
     use rayon::prelude::*;
-    let extent = extent(&envelope.vertices);
+    let extent = vector::extent(&envelope.vertices);
     welded
         .vertices
         .par_iter()
@@ -535,16 +535,6 @@ fn anchors(welded: &Welded, envelope: &Surface) -> Vec<Anchor> {
             }
         })
         .collect()
-}
-
-/// Largest extent along an axis.
-fn extent(vertices: &[Point]) -> f64 {
-    (0..3)
-        .map(|i| {
-            let along = vertices.iter().map(|p| p[i]);
-            along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
-        })
-        .fold(0.0, f64::max)
 }
 
 #[cfg(test)]

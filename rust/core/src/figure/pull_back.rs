@@ -123,7 +123,7 @@ fn placed(
 ) -> Result<Vec<Placed>> {
     let (on_source, on_target) = (source.matched()?, target.matched()?);
     let given = source.given()?;
-    let extents = [on_source, on_target].map(|s| super::extent(&s.vertices));
+    let extents = [on_source, on_target].map(|s| vector::extent(&s.vertices));
     // √area tells sizes of bodies with limbs better than extents, which depend on the pose.
     let scale = source.shape.unit / target.shape.unit;
     let images: Vec<Point> = map

@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::pull_back::{ASIDE, Placed, in_given_numbering, lying_alike};
-use super::{Figure, FigureMap, extent};
+use super::{Figure, FigureMap};
 use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
@@ -56,7 +56,7 @@ pub(super) fn worn(
         return Ok(None);
     }
     progress.check()?;
-    let size = extent(&on_source.vertices);
+    let size = vector::extent(&on_source.vertices);
     let trust = |gap: f64| (-(gap / (REACH * size)).powi(2)).exp();
     let normals = on_target.vertex_normals();
     let placed: Vec<Placed> = (0..on_target.vertices.len())
@@ -111,7 +111,7 @@ fn between_matched(
 
 /// Whether the target is worn by the source.
 fn is_worn(source: &Surface, target: &Surface) -> bool {
-    let size = extent(&source.vertices);
+    let size = vector::extent(&source.vertices);
     let asked = spread(target, ASKED);
     let mut outside = 0;
     let mut along = 0.0;
@@ -132,7 +132,7 @@ fn is_worn(source: &Surface, target: &Surface) -> bool {
     gaps.sort_by(f64::total_cmp);
     let [median, most] = [0.5, 0.97].map(|q| gaps[(q * (gaps.len() - 1) as f64) as usize]);
     // A small thing anywhere in a large one is no part of its clothes.
-    if median * size > LARGEST_GAP * extent(&target.vertices) {
+    if median * size > LARGEST_GAP * vector::extent(&target.vertices) {
         return false;
     }
     if along < RUNS_ALONG * gaps.len() as f64 {

@@ -1,5 +1,6 @@
 //! The automatic method: which of the maps found is completed, and which are kept beside it.
 
+use std::cell::OnceCell;
 use std::sync::Arc;
 
 use faer::Mat;
@@ -190,10 +191,12 @@ fn parts_and_wide<'a>(
     Ok(best)
 }
 
-/// What turns the source onto itself, found when first needed, and the map that was turned by it.
+/// The best hypotheses turned as the source is like itself, each once.
 struct Turned<'a, 'b> {
     pair: &'b Pair<'a>,
-    by: Option<Vec<Mat<f64>>>,
+    /// What turns the source onto itself, if anything, once it was looked for.
+    by: OnceCell<Option<Mat<f64>>>,
+    /// The map that was turned.
     of: Option<Hypothesis>,
 }
 
@@ -201,12 +204,12 @@ impl<'a, 'b> Turned<'a, 'b> {
     fn of(pair: &'b Pair<'a>) -> Self {
         Self {
             pair,
-            by: None,
+            by: OnceCell::new(),
             of: None,
         }
     }
 
-    /// The hypotheses with the best of them turned, best first, unless that was looked at before.
+    /// The hypotheses with the best of them turned, best first, unless it is the one that was turned already.
     fn beside(&mut self, found: Vec<Hypothesis>, progress: &Progress) -> Result<Vec<Hypothesis>> {
         let pair = self.pair;
         let Some(best) = found.first().filter(|best| {
@@ -215,32 +218,22 @@ impl<'a, 'b> Turned<'a, 'b> {
         }) else {
             return Ok(found);
         };
-        let by = match self.by.take() {
-            Some(by) => by,
-            None => symmetry::turning_map(pair.source, progress)?
-                .into_iter()
-                .collect(),
-        };
-        let turned = (by.first())
-            .map(|by| {
-                let size = by.ncols().min(best.matrix.nrows()).min(best.matrix.ncols());
-                let first = best.matrix.get(..size, ..size);
-                let map = dense::product(by.get(..size, ..size), first);
-                ranking::of_first_map(pair, map, &|| progress.check())
-            })
-            .transpose()?;
-        self.by = Some(by);
         self.of = Some(best.clone());
-        let turned = turned.map(|mut turned| {
-            turned.metrics.mirrored_gain = best.metrics.mirrored_gain;
-            turned
-        });
-        let turned = turned.filter(|h| pair.mirror == Mirror::Allow || h.metrics.orientation > 0.0);
-        Ok(ranking::merged(
-            pair.source,
-            found,
-            turned.into_iter().collect(),
-        ))
+        if self.by.get().is_none() {
+            self.by = symmetry::turning_map(pair.source, progress)?.into();
+        }
+        let Some(Some(by)) = self.by.get() else {
+            return Ok(found);
+        };
+        let size = by.ncols().min(best.matrix.nrows()).min(best.matrix.ncols());
+        let first = best.matrix.get(..size, ..size);
+        let map = dense::product(by.get(..size, ..size), first);
+        let mut turned = ranking::of_first_map(pair, map, &|| progress.check())?;
+        turned.metrics.mirrored_gain = best.metrics.mirrored_gain;
+        if pair.mirror != Mirror::Allow && turned.metrics.orientation <= 0.0 {
+            return Ok(found);
+        }
+        Ok(ranking::merged(pair.source, found, vec![turned]))
     }
 }
 
@@ -321,7 +314,7 @@ fn as_they_lie(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> 
     };
     let found = embedded_surface::in_place(unguided, &|| progress.check())?;
     found
-        .map(|placed| of_placed(pair, placed, progress))
+        .map(|placed| of_placed(pair, Arc::new(placed), progress))
         .into_iter()
         .collect()
 }
@@ -345,7 +338,7 @@ fn located(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> {
         return Ok(Vec::new());
     }
     let mapped = |location: location::Location| {
-        let placed = of_placed(pair, location.placed.clone(), progress)?;
+        let placed = of_placed(pair, Arc::clone(&location.placed), progress)?;
         Ok(Hypothesis {
             metrics: location.metrics(placed.metrics),
             ..placed
@@ -356,7 +349,7 @@ fn located(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> {
 }
 
 /// The map between surfaces of which one lies on the other.
-fn of_placed(pair: &Pair<'_>, placed: Placed, progress: &Progress) -> Result<Hypothesis> {
+fn of_placed(pair: &Pair<'_>, placed: Arc<Placed>, progress: &Progress) -> Result<Hypothesis> {
     let unguided = &Pair {
         constraints: &Constraints::default(),
         ..*pair
@@ -366,7 +359,7 @@ fn of_placed(pair: &Pair<'_>, placed: Placed, progress: &Progress) -> Result<Hyp
         constraints: pair.constraints,
         ..found
     };
-    ranking::of_placed(hinted, &map, Arc::new(placed))
+    ranking::of_placed(hinted, &map, placed)
 }
 
 /// No hypotheses where the search found no map.

@@ -35,7 +35,7 @@ const RIDGE: f64 = 1e-3;
 /// # Errors
 /// [`Error::Cancelled`].
 pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f32>>> {
-    let Some((map, orientation)) = reversing_map(shape, progress)? else {
+    let Some((map, orientation)) = to_itself(shape, Mirror::Only, progress)? else {
         return Ok(None);
     };
     let k = map.ncols();
@@ -76,36 +76,27 @@ pub fn counted(offset: f32) -> f32 {
 /// # Errors
 /// [`Error::Cancelled`], [`Error::NotFactorised`].
 pub fn turning_map(shape: &Shape, progress: &Progress) -> Result<Option<Mat<f64>>> {
-    let constraints = Constraints::default();
-    let pair = to_itself(shape, Mirror::Away, &constraints);
-    let candidates = match search::candidates(&pair, Width::NARROW, progress) {
-        Err(Error::NoMap { .. }) => return Ok(None),
-        found => found?,
-    };
-    let found = candidates.first();
-    found
-        .map(|best| upsampling::upsampled(&pair, best))
-        .transpose()
+    let found = to_itself(shape, Mirror::Away, progress)?;
+    Ok(found.map(|(map, _)| map))
 }
 
-/// A shape beside itself.
-fn to_itself<'a>(shape: &'a Shape, mirror: Mirror, constraints: &'a Constraints) -> Pair<'a> {
-    Pair {
+/// The best map of a shape to itself of some kind, `(60, 60)`, and how clearly it keeps or reverses the orientation.
+fn to_itself(
+    shape: &Shape,
+    mirror: Mirror,
+    progress: &Progress,
+) -> Result<Option<(Mat<f64>, f64)>> {
+    let constraints = Constraints::default();
+    let pair = Pair {
         target: shape,
         source: shape,
         coverage: Coverage::BOTH,
         mirror,
-        constraints,
+        constraints: &constraints,
         left_out: LeftOut::default(),
         lengths: 1.0,
         mirror_offsets: None,
-    }
-}
-
-/// The best map of a shape to itself that reverses the orientation, `(60, 60)`, and how clearly it does.
-fn reversing_map(shape: &Shape, progress: &Progress) -> Result<Option<(Mat<f64>, f64)>> {
-    let constraints = Constraints::default();
-    let pair = to_itself(shape, Mirror::Only, &constraints);
+    };
     let candidates = match search::candidates(&pair, Width::NARROW, progress) {
         Err(Error::NoMap { .. }) => return Ok(None),
         found => found?,

@@ -74,7 +74,7 @@ pub fn originals(
         source: Side::new(source),
         target: Side::new(target),
         mirrored,
-        same: SAME * extent(target.vertices),
+        same: SAME * vector::extent(target.vertices),
         image: vec![NONE; target.vertices.len()],
         taken: vec![false; source.vertices.len()],
         laid: vec![false; target.faces.len()],
@@ -418,19 +418,6 @@ fn edges(mesh: Triangles<'_>, face: usize) -> [f64; 3] {
     let mut lengths = [0, 1, 2].map(|k| vector::distance(places[k], places[(k + 1) % 3]));
     lengths.sort_by(f64::total_cmp);
     lengths
-}
-
-/// The largest side of the box around some points.
-fn extent(points: &[Point]) -> f64 {
-    let side = |c: usize| {
-        let (low, high) = points
-            .iter()
-            .fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), p| {
-                (low.min(p[c]), high.max(p[c]))
-            });
-        high - low
-    };
-    (0..3).map(side).fold(0.0, f64::max)
 }
 
 #[cfg(test)]

@@ -50,7 +50,7 @@ impl FixedSpace<'_> {
     }
 
     fn taken(&self, normal: Point) -> Point {
-        vector::normalised(self.matrix.map(|row| vector::dot(row, normal)))
+        vector::normalised(vector::by_rows(&self.matrix, normal))
     }
 }
 

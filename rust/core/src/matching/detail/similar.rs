@@ -65,7 +65,7 @@ pub(super) fn laid(
                     let j = j as usize;
                     let e = vector::scaled(vector::sub(rest[i], rest[j]), 0.5 * scale * square * w);
                     for turn in [&turns[i].0, &turns[j].0] {
-                        sum = vector::add(sum, turn.map(|row| vector::dot(row, e)));
+                        sum = vector::add(sum, vector::by_rows(turn, e));
                     }
                 }
                 sum

@@ -13,11 +13,11 @@
 //! What is sought is a part on a surface here, instead of a whole in a scene.
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
+use std::sync::Arc;
 
-use faer::Mat;
 use rayon::prelude::*;
 
-use crate::algebra::closest::closest;
+use crate::algebra::oriented_tree::{self, OrientedTree, squared_distance};
 use crate::algebra::similarity::Similarity;
 use crate::algebra::vector::{self, Point};
 use crate::deformation::registration::{self, Held, Sampled};
@@ -28,9 +28,11 @@ use crate::matching::ranking::Metrics;
 use crate::matching::refinement::coinciding::Placed;
 use crate::watch::progress::Check;
 
-/// Samples of the part that are moved, and of the whole to which they go at first; so many of the part are drawn onto it.
+/// Samples of the part that are moved, and of the whole to which they go at first.
 const PART_SAMPLES: usize = 300;
 const WHOLE_SAMPLES: usize = 1_500;
+/// Vertices of the part that ask when it is drawn onto the whole.
+const DRAWN_BY: usize = 1_500;
 /// Samples of the part whose pairs vote.
 const REFERENCES: usize = 24;
 /// Steps of the distance within the part's extent, and of turns about a normal.
@@ -86,7 +88,7 @@ const SETTINGS: registration::Settings = registration::Settings {
 #[derive(Debug, Clone)]
 pub(in crate::matching) struct Location {
     /// Where it lies.
-    pub placed: Placed,
+    pub placed: Arc<Placed>,
     /// Mean distance of its samples from the whole in positions and normals before it was drawn onto it, √area of the part.
     pub misfit: f64,
     /// Mean cosine between the normals of its samples and of their images.
@@ -110,17 +112,10 @@ impl Location {
 }
 
 /// Points with outward unit normals.
-#[derive(Debug, Default)]
-struct Oriented {
+#[derive(Debug)]
+struct Facing {
     places: Vec<Point>,
     normals: Vec<Point>,
-}
-
-/// A rigid motion: the rows of its rotation, and a translation.
-#[derive(Debug, Clone, Copy)]
-struct Motion {
-    turn: [Point; 3],
-    shift: Point,
 }
 
 /// Where a part lies on the whole, the best places first, the lengths of both being given in one unit.
@@ -135,12 +130,12 @@ pub(in crate::matching) fn locations(
     let (part, whole) = (pair.shape(part_is), pair.shape(part_is.other()));
     // All in the part's own frame, where its area is 1. Surfaces of one kind are wound alike.
     let outward = whole.volume_sign;
-    let own = Oriented::new(part.mesh.vertices.clone(), &part.normals, outward);
+    let own = Facing::new(part.mesh.vertices.clone(), &part.normals, outward);
     let given = whole.mesh.vertices.iter();
     let there = given
         .map(|&p| part.mesh.as_own(whole.mesh.as_given(p)))
         .collect();
-    let there = Oriented::new(there, &whole.normals, outward);
+    let there = Facing::new(there, &whole.normals, outward);
     let samples = part.farthest_points(PART_SAMPLES);
     let (asking, answering) = (
         own.gathered(samples),
@@ -153,7 +148,7 @@ pub(in crate::matching) fn locations(
     different(&asking, &mut found);
     found.truncate(FINISHED);
     let all = Answering::new(&there);
-    let motions: Vec<Motion> = found.into_iter().map(|(_, motion)| motion).collect();
+    let motions: Vec<Similarity> = found.into_iter().map(|(_, motion)| motion).collect();
     let mut found = moved(&asking, &all, &motions, LAST_STEPS, check)?;
     different(&asking, &mut found);
     found.truncate(DRAWN);
@@ -172,7 +167,7 @@ pub(in crate::matching) fn locations(
 fn drawn(
     pair: &Pair<'_>,
     part_is: Which,
-    moved: &Oriented,
+    moved: &Facing,
     answering: &Answering<'_>,
     outward: f64,
     misfit: f64,
@@ -184,7 +179,7 @@ fn drawn(
     let moving = Sampled {
         places: &moved.places,
         normals: &moved.normals,
-        samples: &part.drawn_vertices(WHOLE_SAMPLES),
+        samples: &part.drawn_vertices(DRAWN_BY),
     };
     let held = Held {
         graph: part.deformation_graph()?,
@@ -197,7 +192,7 @@ fn drawn(
         samples: &all,
     };
     let drawn = registration::registered(moving, held, still, &SETTINGS, check)?;
-    let drawn = Oriented {
+    let drawn = Facing {
         places: drawn.places,
         normals: drawn.normals,
     };
@@ -216,7 +211,7 @@ fn drawn(
     let places = placed
         .map(|&p| whole.mesh.as_own(part.mesh.as_given(p)))
         .collect();
-    let placed = Placed {
+    let placed = Arc::new(Placed {
         moving: part_is,
         places,
         images: match part_is {
@@ -224,7 +219,7 @@ fn drawn(
             Which::Source => [back, images],
         },
         coverage: Coverage::of_part(part_is),
-    };
+    });
     Ok(Location {
         placed,
         misfit,
@@ -248,13 +243,17 @@ fn mean_stretch(points: &[u32], first: &dyn Fn(u32) -> Point, then: &dyn Fn(u32)
     sum / f64::max(count, 1.0)
 }
 
-impl Oriented {
+impl Facing {
     fn new(places: Vec<Point>, normals: &[Point], outward: f64) -> Self {
         let normals = normals.iter().map(|&n| vector::scaled(n, outward));
         Self {
             places,
             normals: normals.collect(),
         }
+    }
+
+    fn oriented(&self, i: usize) -> oriented_tree::Oriented {
+        oriented_tree::oriented(self.places[i], self.normals[i])
     }
 
     fn gathered(&self, vertices: &[u32]) -> Self {
@@ -265,97 +264,68 @@ impl Oriented {
         }
     }
 
-    fn moved(&self, motion: &Motion) -> Self {
-        let place = |&p: &Point| vector::add(turned(&motion.turn, p), motion.shift);
-        let normal = |&n: &Point| turned(&motion.turn, n);
+    fn moved(&self, motion: &Similarity) -> Self {
+        let place = |&p: &Point| motion.apply(p);
+        let normal = |&n: &Point| vector::by_rows(&motion.turn, n);
         Self {
             places: self.places.iter().map(place).collect(),
             normals: self.normals.iter().map(normal).collect(),
         }
     }
-
-    /// Positions and weighted normals, `(n, 6)`.
-    fn features(&self) -> Mat<f32> {
-        Mat::from_fn(self.places.len(), 6, |i, c| {
-            let value = if c < 3 {
-                self.places[i][c]
-            } else {
-                NORMAL * self.normals[i][c - 3]
-            };
-            value as f32
-        })
-    }
-
-    /// Largest extent along an axis.
-    fn extent(&self) -> f64 {
-        let along = |c: usize| {
-            let values = self.places.iter().map(|p| p[c]);
-            let (low, high) = values.fold((f64::INFINITY, f64::NEG_INFINITY), |(low, high), x| {
-                (low.min(x), high.max(x))
-            });
-            high - low
-        };
-        (0..3).map(along).fold(0.0, f64::max)
-    }
-}
-
-fn turned(rows: &[Point; 3], p: Point) -> Point {
-    rows.map(|row| vector::dot(row, p))
-}
-
-fn turned_back(rows: &[Point; 3], p: Point) -> Point {
-    let along = |axis: usize| vector::scaled(rows[axis], p[axis]);
-    vector::add(vector::add(along(0), along(1)), along(2))
 }
 
 /// Points that are asked for the nearest in positions and normals.
 struct Answering<'a> {
-    points: &'a Oriented,
-    features: Mat<f32>,
+    points: &'a Facing,
+    tree: OrientedTree,
 }
 
 impl<'a> Answering<'a> {
-    fn new(points: &'a Oriented) -> Self {
+    fn new(points: &'a Facing) -> Self {
+        let oriented: Vec<_> = (0..points.places.len())
+            .map(|i| points.oriented(i))
+            .collect();
         Self {
             points,
-            features: points.features(),
+            tree: OrientedTree::new(&oriented, NORMAL),
         }
     }
 
-    fn nearest(&self, asking: &Oriented) -> Vec<u32> {
-        closest(
-            asking.features().as_ref(),
-            self.features.as_ref(),
-            None,
-            1.0,
-        )
+    fn nearest(&self, asking: &Facing) -> Vec<u32> {
+        let image = |i| {
+            let nothing = (f64::INFINITY, 0);
+            self.tree
+                .nearest(&asking.oriented(i), NORMAL * NORMAL, nothing)
+        };
+        (0..asking.places.len())
+            .into_par_iter()
+            .map(image)
+            .collect()
     }
 
     /// Distance in positions and normals.
-    fn off(&self, asking: &Oriented, i: usize, image: u32) -> f64 {
-        let there = image as usize;
-        let apart = vector::distance(asking.places[i], self.points.places[there]);
-        let turned = vector::distance(asking.normals[i], self.points.normals[there]);
-        apart.hypot(NORMAL * turned)
+    fn off(&self, asking: &Facing, i: usize, image: u32) -> f64 {
+        let there = self.points.oriented(image as usize);
+        squared_distance(&asking.oriented(i), &there, NORMAL * NORMAL).sqrt()
     }
 }
 
 /// Mean distance of some points from their images, far ones alike.
-fn mean_misfit(asking: &Oriented, there: &Answering<'_>, images: &[u32], points: &[u32]) -> f64 {
+fn mean_misfit(asking: &Facing, there: &Answering<'_>, images: &[u32], points: &[u32]) -> f64 {
     let off = |&v: &u32| there.off(asking, v as usize, images[v as usize]).min(FAR);
     points.iter().map(off).sum::<f64>() / points.len() as f64
 }
 
 /// The motions after some steps towards the nearest points, with their misfits, the least first.
 fn moved(
-    part: &Oriented,
+    part: &Facing,
     there: &Answering<'_>,
-    motions: &[Motion],
+    motions: &[Similarity],
     steps: usize,
     check: Check<'_>,
-) -> Result<Vec<(f64, Motion)>> {
+) -> Result<Vec<(f64, Similarity)>> {
     let all: Vec<u32> = (0..part.places.len() as u32).collect();
-    let settled = |motion: &Motion| {
+    let settled = |motion: &Similarity| {
         check()?;
         let mut motion = *motion;
         for _ in 0..steps {
@@ -369,30 +339,27 @@ fn moved(
                     (part.places[i], image, weight)
                 })
                 .collect();
-            let fitted = Similarity {
+            motion = Similarity {
                 scale: 1.0,
                 ..Similarity::fitted(&pairs, false)
-            };
-            motion = Motion {
-                turn: fitted.turn,
-                shift: fitted.apply([0.0; 3]),
             };
         }
         let now = part.moved(&motion);
         let images = there.nearest(&now);
         Ok((mean_misfit(&now, there, &images, &all), motion))
     };
-    let mut found: Vec<(f64, Motion)> = motions.par_iter().map(settled).collect::<Result<_>>()?;
+    let mut found: Vec<(f64, Similarity)> =
+        motions.par_iter().map(settled).collect::<Result<_>>()?;
     found.sort_by(|a, b| a.0.total_cmp(&b.0));
     Ok(found)
 }
 
 /// Leaves of motions that bring samples to about the same places the first.
-fn different(part: &Oriented, motions: &mut Vec<(f64, Motion)>) {
-    let mut kept: Vec<Oriented> = Vec::new();
+fn different(part: &Facing, motions: &mut Vec<(f64, Similarity)>) {
+    let mut kept: Vec<Facing> = Vec::new();
     motions.retain(|(_, motion)| {
         let now = part.moved(motion);
-        let differs = |other: &Oriented| {
+        let differs = |other: &Facing| {
             let apart = now.places.iter().zip(&other.places);
             let sum: f64 = apart.map(|(&a, &b)| vector::distance(a, b)).sum();
             sum > SAME * part.places.len() as f64
@@ -409,8 +376,8 @@ fn different(part: &Oriented, motions: &mut Vec<(f64, Motion)>) {
 type Feature = (u32, u16, f64);
 
 /// Motions by the votes of pairs, most votes first.
-fn voted(part: &Oriented, whole: &Oriented, check: Check<'_>) -> Result<Vec<Motion>> {
-    let extent = part.extent();
+fn voted(part: &Facing, whole: &Facing, check: Check<'_>) -> Result<Vec<Similarity>> {
+    let extent = vector::extent(&part.places);
     let frames: Vec<[Point; 3]> = whole.normals.iter().map(|&n| along_normal(n)).collect();
     let mut pairs: Vec<Feature> = (0..whole.places.len())
         .into_par_iter()
@@ -427,12 +394,12 @@ fn voted(part: &Oriented, whole: &Oriented, check: Check<'_>) -> Result<Vec<Moti
     });
     check()?;
     let references = REFERENCES.min(part.places.len());
-    let mut found: Vec<(f64, Motion)> = (0..references)
+    let mut found: Vec<(f64, Similarity)> = (0..references)
         .into_par_iter()
         .flat_map_iter(|reference| {
             let frame = along_normal(part.normals[reference]);
             let mut votes = vec![0.0; whole.places.len() * TURNS];
-            for (feature, turn) in features_from(part, reference, frame, f64::INFINITY) {
+            for (feature, turn) in features_from(part, reference, frame, extent) {
                 let from = pairs.partition_point(|pair| pair.0 < feature);
                 let alike = pairs[from..].iter().take_while(|pair| pair.0 == feature);
                 let count = alike.clone().count() as f64;
@@ -447,19 +414,16 @@ fn voted(part: &Oriented, whole: &Oriented, check: Check<'_>) -> Result<Vec<Moti
                 votes[b].total_cmp(&votes[a]).then(a.cmp(&b))
             });
             most.truncate(KEPT_OF_EACH);
-            let place = part.places[reference];
             let placed = |cell: usize| {
                 let (there, step) = (cell / TURNS, cell % TURNS);
                 let by = (step as f64 + 0.5) / TURNS as f64 * TAU;
-                let motion = brought(frame, frames[there], by);
-                let shift = vector::sub(whole.places[there], turned(&motion, place));
-                (
-                    votes[cell],
-                    Motion {
-                        turn: motion,
-                        shift,
-                    },
-                )
+                let motion = Similarity {
+                    from: part.places[reference],
+                    to: whole.places[there],
+                    turn: brought(frame, frames[there], by),
+                    scale: 1.0,
+                };
+                (votes[cell], motion)
             };
             most.into_iter().map(placed).collect::<Vec<_>>()
         })
@@ -471,12 +435,10 @@ fn voted(part: &Oriented, whole: &Oriented, check: Check<'_>) -> Result<Vec<Moti
 /// The rotation that brings one frame onto another that is turned about its first axis: rows.
 fn brought(from: [Point; 3], to: [Point; 3], by: f64) -> [Point; 3] {
     let (sine, cosine) = by.sin_cos();
-    let image = |axis: Point| {
-        let [x, y, z] = turned(&from, axis);
-        turned_back(&to, [x, cosine * y - sine * z, sine * y + cosine * z])
-    };
-    let columns = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(image);
-    [0, 1, 2].map(|row| [0, 1, 2].map(|column| columns[column][row]))
+    let [first, second, third] = to;
+    let turned = |s: f64, t: f64| vector::add(vector::scaled(second, s), vector::scaled(third, t));
+    let onto = [first, turned(cosine, sine), turned(-sine, cosine)];
+    [0, 1, 2].map(|row| vector::by_columns(&from, onto.map(|axis| axis[row])))
 }
 
 /// An orthonormal frame whose first axis is a normal: rows.
@@ -490,24 +452,19 @@ fn along_normal(normal: Point) -> [Point; 3] {
     [normal, second, vector::cross(normal, second)]
 }
 
-/// Features of the pairs of a point with all others up to a distance, by numbers, and how each line is turned about the normal in a
-/// frame along it.
+/// Features of the pairs of a point with all others up to the part's extent, by numbers, and how each line is turned about the normal
+/// in a frame along it.
 fn features_from(
-    points: &Oriented,
+    points: &Facing,
     from: usize,
     frame: [Point; 3],
-    within: f64,
+    extent: f64,
 ) -> impl Iterator<Item = (u32, f64)> + '_ {
     let (place, normal) = (points.places[from], points.normals[from]);
-    let extent = if within.is_finite() {
-        within
-    } else {
-        points.extent()
-    };
     (0..points.places.len()).filter_map(move |to| {
         let line = vector::sub(points.places[to], place);
         let length = vector::norm(line);
-        if to == from || length > within || length <= 0.0 {
+        if to == from || length > extent || length <= 0.0 {
             return None;
         }
         let direction = vector::scaled(line, 1.0 / length);
@@ -522,7 +479,7 @@ fn features_from(
             let angle = ANGLES.iter().filter(|&&least| cosine < least).count();
             feature * (ANGLES.len() as u32 + 1) + angle as u32
         });
-        let [_, y, z] = turned(&frame, line);
+        let [_, y, z] = vector::by_rows(&frame, line);
         Some((feature, z.atan2(y)))
     })
 }
@@ -589,11 +546,11 @@ mod tests {
         let by = 0.7_f64;
         let motion = brought(from, to, by);
         let off = |a: Point, b: Point| vector::distance(a, b);
-        assert!(off(turned(&motion, from[0]), to[0]) < 1e-12);
+        assert!(off(vector::by_rows(&motion, from[0]), to[0]) < 1e-12);
         let second = vector::add(
             vector::scaled(to[1], by.cos()),
             vector::scaled(to[2], by.sin()),
         );
-        assert!(off(turned(&motion, from[1]), second) < 1e-12);
+        assert!(off(vector::by_rows(&motion, from[1]), second) < 1e-12);
     }
 }

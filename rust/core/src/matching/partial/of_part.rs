@@ -15,7 +15,6 @@ use crate::matching::ranking::{self, Hypothesis};
 use crate::matching::refinement::embedded_surface::Refined;
 use crate::matching::refinement::overlap;
 use crate::matching::refinement::relative_length::growth_at_samples;
-use crate::shape::Shape;
 use crate::watch::progress::Progress;
 
 /// Lengths of a part in units of the whole, both at unit area, when they are given in one unit: a body that is no
@@ -44,24 +43,22 @@ const COVERED_WELL: f64 = 1.25;
 
 /// Which open shape is a part, and lengths, if both are of one size as given: it is then clearly smaller.
 pub(in crate::matching) fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Which, f64)> {
-    let lengths = pair.target.unit / pair.source.unit;
-    let is_part =
-        |shape: &Shape, length: f64| shape.mesh.is_open() && PART_LENGTHS.contains(&length);
-    if is_part(pair.target, lengths) {
-        Some((Which::Target, lengths))
-    } else if is_part(pair.source, 1.0 / lengths) {
-        Some((Which::Source, lengths))
-    } else {
-        None
-    }
+    open_shape_within(pair, PART_LENGTHS)
 }
 
-/// Which open shape is clearly smaller, with both of one size as given, so that its shape may be found on the other.
+/// Which open shape is so much smaller, with both of one size as given, that its shape may be found on the other.
 pub(in crate::matching) fn small_part(pair: &Pair<'_>) -> Option<Which> {
+    open_shape_within(pair, LOCATED_LENGTHS).map(|(part_is, _)| part_is)
+}
+
+/// The open shape whose length in units of the other is within a range, the target first, and how many units of the source one of the
+/// target is.
+fn open_shape_within(pair: &Pair<'_>, range: Range<f64>) -> Option<(Which, f64)> {
     let lengths = pair.target.unit / pair.source.unit;
-    [Which::Target, Which::Source].into_iter().find(|&part_is| {
-        pair.shape(part_is).mesh.is_open() && LOCATED_LENGTHS.contains(&part_is.seen(lengths))
-    })
+    let found = [Which::Target, Which::Source].into_iter().find(|&part_is| {
+        pair.shape(part_is).mesh.is_open() && range.contains(&part_is.seen(lengths))
+    });
+    found.map(|part_is| (part_is, lengths))
 }
 
 /// Whether a map between wholes may be that of a part of such lengths: it is doubtful, stretches the surface, or
