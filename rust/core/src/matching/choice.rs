@@ -92,7 +92,7 @@ pub(super) fn whole_or_part(
         None
     };
     let (first, is_enough) = match standing.clone() {
-        Some(map) => standing::beside(pair.source, map, narrow.clone()),
+        Some(map) => standing::beside(pair, map, narrow.clone()),
         None => (narrow.clone(), false),
     };
     // What may be graded as good is looked for in other ways as well.
@@ -111,7 +111,7 @@ pub(super) fn whole_or_part(
     let mut best = turned.beside(ranking::merged(pair.source, narrow, usual), progress)?;
     let mut is_enough = false;
     if let Some(map) = standing {
-        (best, is_enough) = standing::beside(pair.source, map, best);
+        (best, is_enough) = standing::beside(pair, map, best);
     }
     if is_enough {
         let within = |f: f64| report("selection", 0.25 + 0.35 * f);
@@ -209,12 +209,16 @@ impl<'a, 'b> Turned<'a, 'b> {
         }
     }
 
-    /// The hypotheses with the best of them turned, best first, unless it is the one that was turned already.
+    /// The hypotheses with the best of them turned, best first, unless it is the one that was turned already, or doubtful: what
+    /// is wrong stays wrong when turned.
     fn beside(&mut self, found: Vec<Hypothesis>, progress: &Progress) -> Result<Vec<Hypothesis>> {
         let pair = self.pair;
         let Some(best) = found.first().filter(|best| {
             let seen = |of: &Hypothesis| ranking::say_the_same(pair.source, of, best);
-            pair.uses(Part::Turned) && !best.is_placed() && !self.of.as_ref().is_some_and(seen)
+            pair.uses(Part::Turned)
+                && !best.is_placed()
+                && !quality::doubtful(&best.metrics)
+                && !self.of.as_ref().is_some_and(seen)
         }) else {
             return Ok(found);
         };

@@ -14,7 +14,7 @@ use crate::deformation::registration::{
 };
 use crate::error::Result;
 use crate::matching::problem::pair::Pair;
-use crate::matching::ranking::{self, Hypothesis, Metrics, judging};
+use crate::matching::ranking::{self, Hypothesis, judging, quality};
 use crate::matching::refinement::upsampling::UPSAMPLED_SIZE;
 use crate::matching::search::{SampledBases, fit, gram};
 use crate::shape::Shape;
@@ -36,11 +36,12 @@ const SETTINGS: Settings = Settings {
 /// Mean distance between samples after the registration, by the height and with normals, up to which figures may stand
 /// alike: 0.065 is the most of right maps.
 const FITS: f64 = 0.08;
-/// Agreement of curvatures from which they do: of 56 pairs of rigged figures right maps have 0.38 and more, wrong ones 0.33 and
-/// less.
+/// Agreement of curvatures from which they look alike: of 56 pairs of rigged figures right maps have 0.38 and more, wrong ones
+/// 0.33 and less.
 const LOOKS_ALIKE: f64 = 0.35;
-/// By so much more than the best map found by a search they agree in curvatures where that one's figures do not count.
-const LOOKS_BETTER: f64 = 0.1;
+/// They stand alike where what they cost is below this times that of the best of a search: right ones cost 0.3 to 0.6 of it, 0.77
+/// that of two people of whom one waves.
+const CLEARLY_LESS: f64 = 0.7;
 /// A map found by a search from which that as they stand lies this far apart on average at most, √area, is the same but for what
 /// proportions change.
 const AGREE: f64 = 0.1;
@@ -209,8 +210,7 @@ fn aligned(pair: &Pair<'_>, alignment: &Alignment, check: Check<'_>) -> Result<O
         source_gram: source_gram.as_ref(),
     };
     let first = fit(bases, &on_source, &on_target, pair.coverage, size)?;
-    let found = ranking::of_first_map(pair, first, check)?;
-    Ok((found.metrics.agreement > LOOKS_ALIKE).then_some(found))
+    ranking::of_first_map(pair, first, check).map(Some)
 }
 
 /// The map between figures as they stand, as given or turned; nothing where they do not fit.
@@ -238,38 +238,37 @@ pub fn hypothesis(pair: &Pair<'_>, progress: &Progress) -> Result<Option<Hypothe
 }
 
 /// The map between figures as they stand and those of a search, best first, and whether nothing else need be searched for: where
-/// it agrees with the best of the search, of which the worse is left out, costs least, or is the only one that shows that they
-/// look alike. Where it shows less of that than the best of the search it is left out. What the search found of mirrored maps
-/// holds for it too.
+/// it agrees with the best of the search, of which the worse is left out, or costs clearly less. Where distances do
+/// [not tell](quality::incomparable) which point is which it is taken alone, whatever they say. A surface that was cut off may
+/// be a part of the other: there it is enough only if it shows that they look alike. What the search found of mirrored maps holds
+/// for it too.
 #[must_use]
 pub fn beside(
-    source: &Shape,
+    pair: &Pair<'_>,
     mut map: Hypothesis,
     mut searched: Vec<Hypothesis>,
 ) -> (Vec<Hypothesis>, bool) {
+    let source = pair.source;
+    let may_be_part = [source, pair.target]
+        .iter()
+        .any(|shape| shape.mesh.is_open());
+    let looks_alike = map.metrics.agreement > LOOKS_ALIKE;
     let Some(best) = searched.first() else {
-        return (vec![map], true);
+        return (vec![map], looks_alike || !may_be_part);
     };
     map.metrics.mirrored_gain = best.metrics.mirrored_gain;
-    let costs_less = map.metrics.cost() < best.metrics.cost();
+    let (cost, least) = (map.metrics.cost(), best.metrics.cost());
     if source.mean_spectral_distance(map.judged_images(), best.judged_images()) <= AGREE {
-        if costs_less {
+        if cost < least {
             searched[0] = map;
         }
         return (searched, true);
     }
-    if map.metrics.agreement < best.metrics.agreement {
-        return (searched, false);
-    }
-    if !costs_less && looks_better(&map.metrics, &best.metrics) {
+    if !may_be_part && quality::incomparable(&best.metrics) {
         return (vec![map], true);
     }
-    (ranking::merged(source, searched, vec![map]), costs_less)
-}
-
-/// Whether a map shows that the figures look alike, which another does not.
-fn looks_better(map: &Metrics, other: &Metrics) -> bool {
-    map.agreement > other.agreement + LOOKS_BETTER && map.contradiction <= other.contradiction
+    let is_enough = cost < CLEARLY_LESS * least && (looks_alike || !may_be_part);
+    (ranking::merged(source, searched, vec![map]), is_enough)
 }
 
 #[cfg(test)]

@@ -19,6 +19,9 @@ pub enum Grade {
 const ORIENTATION: (f64, f64) = (0.65, 0.75);
 /// Mean change of short distances up to which bodies are alike, and beyond which a map is doubtful.
 const LOCAL_DISTORTION: (f64, f64) = (0.035, 0.05);
+/// Mean change of short distances beyond which these do not tell which point is which: between game figures, at rest and in
+/// poses, right maps of a narrow search stay below 0.075, and 0.09 to 0.105 were all wrong.
+const INCOMPARABLE: f64 = 0.085;
 /// Orientation from which, and mean change of short distances up to which, a map without a rival needs no
 /// wider search: poses of one body have 0.75 and 0.02.
 const CLEAR: (f64, f64) = (0.7, 0.025);
@@ -58,6 +61,12 @@ impl Grade {
 #[must_use]
 pub fn doubtful(metrics: &Metrics) -> bool {
     metrics.orientation < ORIENTATION.0 || metrics.local_distortion > LOCAL_DISTORTION.1
+}
+
+/// Whether a map changes distances by so much that these do not tell which point is which.
+#[must_use]
+pub fn incomparable(metrics: &Metrics) -> bool {
+    metrics.local_distortion > INCOMPARABLE
 }
 
 /// Whether a map changes short distances by more than there is between bodies that are alike.
@@ -176,7 +185,7 @@ pub fn graded(metrics: &Metrics, coverage: Coverage) -> (Grade, Vec<String>) {
     }
     // A part is asked half as many questions, but looks like what it is a part of.
     let unlike_part = coverage != Coverage::BOTH && metrics.agreement < LOOKS_ALIKE;
-    let grade = if score < SCORE.0 {
+    let grade = if score < SCORE.0 || incomparable(metrics) {
         Grade::Red
     } else if score < SCORE.1
         || unlike_part
