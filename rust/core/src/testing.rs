@@ -80,8 +80,8 @@ pub fn fractions(state: u64) -> impl FnMut() -> f32 {
 
 /// A pair of which nothing is known but its coverage.
 pub fn pair<'a>(
-    target: &'a Shape,
     source: &'a Shape,
+    target: &'a Shape,
     coverage: Coverage,
     constraints: &'a Constraints,
 ) -> Pair<'a> {

@@ -34,11 +34,11 @@ const ASKING: usize = 2000;
 ///
 /// # Errors
 /// [`Error::Cancelled`], [`Error::NotFactorised`].
-pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<Embedding> {
+pub fn embedded(source: &Shape, target: &Shape, progress: &Progress) -> Result<Embedding> {
     let k = SIZE
         .min(target.basis.values.len())
         .min(source.basis.values.len());
-    let mut matrix = fitted(target, source, k)?;
+    let mut matrix = fitted(source, target, k)?;
     let asking = target.drawn_vertices(ASKING);
     let asked = dense::gather_rows(target.functions(k), &asking, k);
     let asked_rows = Rows::from_matrix(asked.as_ref(), k);
@@ -71,7 +71,7 @@ pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<E
 
 /// C, target coefficients → source coefficients, that minimises ‖CA − B‖² + μ‖Λ₂C − CΛ₁‖², with the
 /// descriptors' coefficients A on the target and B on the source: each row on its own.
-fn fitted(target: &Shape, source: &Shape, k: usize) -> Result<Mat<f64>> {
+fn fitted(source: &Shape, target: &Shape, k: usize) -> Result<Mat<f64>> {
     let (a, b) = (spectra(target, k), spectra(source, k));
     let gram = dense::product(a.as_ref(), a.transpose());
     let right = dense::product(a.as_ref(), b.transpose());

@@ -38,12 +38,12 @@ const DECREASE_BOUND: f64 = 1e-3;
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<Embedding> {
+pub fn embedded(source: &Shape, target: &Shape, progress: &Progress) -> Result<Embedding> {
     let most = target.marched().len();
     let levels = LEVELS.map(|m| m.min(most));
     let mut best: Option<Placement> = None;
-    for start in starts(target, source, levels[0]) {
-        let mut placement = Placement::new(target, source, &start);
+    for start in starts(source, target, levels[0]) {
+        let mut placement = Placement::new(source, target, &start);
         placement.settle(progress)?;
         if best
             .as_ref()
@@ -52,7 +52,7 @@ pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<E
             best = Some(placement);
         }
     }
-    let mut placement = best.unwrap_or_else(|| Placement::new(target, source, &[]));
+    let mut placement = best.unwrap_or_else(|| Placement::new(source, target, &[]));
     for &count in &levels[1..] {
         placement.extend(count, progress)?;
         placement.settle(progress)?;
@@ -79,7 +79,7 @@ pub fn embedded(target: &Shape, source: &Shape, progress: &Progress) -> Result<E
 /// Vertices of the source for the target's first samples: partial placements on the source's
 /// samples grow by one sample at a time, the least stressed are kept, and of the complete ones
 /// the best that differ are returned.
-fn starts(target: &Shape, source: &Shape, count: usize) -> Vec<Vec<u32>> {
+fn starts(source: &Shape, target: &Shape, count: usize) -> Vec<Vec<u32>> {
     let (on_target, on_source) = (target.between_marched(), source.between_marched());
     let candidates = on_source.nrows() as u32;
     let mut partial: Vec<(f32, Vec<u32>)> = (0..candidates).map(|c| (0.0, vec![c])).collect();
@@ -147,7 +147,7 @@ struct Placement<'a> {
 }
 
 impl<'a> Placement<'a> {
-    fn new(target: &Shape, source: &'a Shape, vertices: &[u32]) -> Self {
+    fn new(source: &'a Shape, target: &Shape, vertices: &[u32]) -> Self {
         let mut placement = Self {
             source,
             wanted: target.between_marched(),

@@ -207,8 +207,8 @@ impl Objective<'_> {
 #[must_use]
 pub fn continued_signs(
     seed: MatRef<'_, f64>,
-    target_operator: MatRef<'_, f64>,
     source_operator: MatRef<'_, f64>,
+    target_operator: MatRef<'_, f64>,
 ) -> Mat<f64> {
     let (k, first) = (target_operator.nrows(), seed.nrows());
     let mut c = Mat::zeros(k, k);

@@ -11,6 +11,7 @@ use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::matching::Correspondence;
+use crate::matching::problem::point_map::PointMaps;
 use crate::shape::Shape;
 use crate::transfer::Surface;
 use crate::watch::progress::Progress;
@@ -106,7 +107,11 @@ fn between_matched(
     let (own, other) = (places(&target.mesh), places(&source.mesh));
     let images = SpaceTree::new(&other).nearest_to_each(&own);
     let back = SpaceTree::new(&own).nearest_to_each(&other);
-    Correspondence::of_points(source, target, points, &trust, [&images, &back], progress)
+    let maps = PointMaps {
+        target_to_source: &images,
+        source_to_target: &back,
+    };
+    Correspondence::of_points(source, target, points, &trust, maps, progress)
 }
 
 /// Whether the target is worn by the source.

@@ -496,7 +496,7 @@ fn fits_better_where_it_differs(
         } else {
             1.0
         };
-        distances * regions::misfit(target, source, c.state.lengths(), &c.images, &part)
+        distances * regions::misfit(pair.to_source(&c.images), c.state.lengths(), &part)
     };
     misfit(map) < misfit(other)
 }

@@ -48,8 +48,8 @@ impl Completed<'_> {
                 dense_map(
                     pair.source,
                     pair.target,
-                    (&asking.rows, &asking.images.vertex),
-                    (&answering.rows, &answering.images.vertex),
+                    [&answering.rows, &asking.rows],
+                    self.state.maps(),
                     &misfit,
                     (&pair.constraints.landmarks, !hypothesis.is_placed()),
                     progress,
@@ -139,7 +139,7 @@ fn with_figures<'a>(
     let images = state.target().images.vertex.clone();
     let (metrics, distortion) = rayon::join(
         || metrics(&state),
-        || local_distortion(pair.target, pair.source, &images, pair.lengths, progress),
+        || local_distortion(pair.to_source(&images), pair.lengths, progress),
     );
     Ok(Completed {
         metrics: metrics?,

@@ -99,12 +99,12 @@ pub fn match_shapes(
         }
         Method::Gmds => {
             report("GMDS", 0.0)?;
-            let embedding = gmds::embedded(target, source, progress)?;
+            let embedding = gmds::embedded(source, target, progress)?;
             embedded(source, target, &embedding, progress, report)
         }
         Method::FunctionalMap => {
             report("functional map", 0.0)?;
-            let embedding = functional_map::embedded(target, source, progress)?;
+            let embedding = functional_map::embedded(source, target, progress)?;
             embedded(source, target, &embedding, progress, report)
         }
         Method::Auto => {
@@ -113,8 +113,8 @@ pub fn match_shapes(
                 report("landmarks", 0.0)?;
             }
             let constraints = Arc::new(Constraints::new(
-                target,
                 source,
+                target,
                 landmarks,
                 options.same_axes,
                 progress,

@@ -7,6 +7,7 @@ use super::result::correspondence::dense_map;
 use crate::baselines::spectral_gmds::{self, Objective, Weights};
 use crate::baselines::{Convergence, Embedding};
 use crate::error::Result;
+use crate::matching::problem::point_map::{PointMap, PointMaps};
 use crate::matching::result::confidence::local_distortion;
 use crate::matching::search;
 use crate::shape::Shape;
@@ -20,20 +21,20 @@ pub(super) fn by_paper(
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Embedding> {
     report("distance operator", 0.0)?;
-    let (target_operator, source_operator) = paper_operators(source, target)?;
+    let [source_operator, target_operator] = paper_operators(source, target)?;
     report("S-GMDS", 0.2)?;
     let k = target_operator.nrows();
     let objective = paper_objective(
         source,
         target,
-        target_operator.as_ref(),
         source_operator.as_ref(),
+        target_operator.as_ref(),
     );
-    let seed = search::best_signs(target_operator.as_ref(), source_operator.as_ref());
+    let seed = search::best_signs(source_operator.as_ref(), target_operator.as_ref());
     let start = spectral_gmds::continued_signs(
         seed.as_ref(),
-        target_operator.as_ref(),
         source_operator.as_ref(),
+        target_operator.as_ref(),
     );
     let minimum = objective.minimised(start.as_ref(), progress)?;
     Ok(Embedding {
@@ -61,16 +62,25 @@ pub(super) fn embedded(
     let (of_target, of_source) = (&embedding.target, &embedding.source);
     let on_source = source.cells.nearest(of_target, of_source, &check)?;
     let on_target = target.cells.nearest(of_source, of_target, &check)?;
+    let map = PointMap {
+        from: target,
+        to: source,
+        images: &on_source,
+    };
     // No surface is deformed, so that there is no gap.
-    let misfit: Vec<(f64, f64)> = local_distortion(target, source, &on_source, 1.0, progress)?
+    let misfit: Vec<(f64, f64)> = local_distortion(map, 1.0, progress)?
         .into_iter()
         .map(|distortion| (distortion, 0.0))
         .collect();
+    let maps = PointMaps {
+        target_to_source: &on_source,
+        source_to_target: &on_target,
+    };
     let mut found = dense_map(
         source,
         target,
-        (&embedding.target, &on_source),
-        (&embedding.source, &on_target),
+        [&embedding.source, &embedding.target],
+        maps,
         &misfit,
         (&[], false),
         progress,
@@ -79,17 +89,17 @@ pub(super) fn embedded(
     Ok(found)
 }
 
-/// α₁, α₂ of the paper's method, both `(k, k)`.
-fn paper_operators(source: &Shape, target: &Shape) -> Result<(Mat<f64>, Mat<f64>)> {
+/// The operators α of source and target, both `(k, k)`.
+fn paper_operators(source: &Shape, target: &Shape) -> Result<[Mat<f64>; 2]> {
     let k = source.paper_size().min(target.paper_size());
-    Ok((target.paper_operator(k)?, source.paper_operator(k)?))
+    Ok([source.paper_operator(k)?, target.paper_operator(k)?])
 }
 
 fn paper_objective<'a>(
     source: &'a Shape,
     target: &'a Shape,
-    target_operator: MatRef<'a, f64>,
     source_operator: MatRef<'a, f64>,
+    target_operator: MatRef<'a, f64>,
 ) -> Objective<'a> {
     let k = target_operator.nrows();
     Objective {
@@ -108,12 +118,12 @@ fn paper_objective<'a>(
 /// # Errors
 /// [`Error::NotFactorised`] as in the paper's method.
 pub fn energy(source: &Shape, target: &Shape, functional_map: MatRef<'_, f64>) -> Result<f64> {
-    let (target_operator, source_operator) = paper_operators(source, target)?;
+    let [source_operator, target_operator] = paper_operators(source, target)?;
     let objective = paper_objective(
         source,
         target,
-        target_operator.as_ref(),
         source_operator.as_ref(),
+        target_operator.as_ref(),
     );
     let to_unit_area = source.unit / target.unit;
     let k = target_operator.nrows();

@@ -14,6 +14,7 @@ use crate::deformation::registration::{
 };
 use crate::error::Result;
 use crate::matching::problem::pair::Pair;
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::ranking::{self, Hypothesis, judging, quality};
 use crate::matching::refinement::upsampling::UPSAMPLED_SIZE;
 use crate::matching::search::{SampledBases, fit, gram};
@@ -209,7 +210,11 @@ fn aligned(pair: &Pair<'_>, alignment: &Alignment, check: Check<'_>) -> Result<O
         source: of_source.as_ref(),
         source_gram: source_gram.as_ref(),
     };
-    let first = fit(bases, &on_source, &on_target, pair.coverage, size)?;
+    let maps = PointMaps {
+        target_to_source: &on_source,
+        source_to_target: &on_target,
+    };
+    let first = fit(bases, maps, pair.coverage, size)?;
     ranking::of_first_map(pair, first, check).map(Some)
 }
 
@@ -323,7 +328,7 @@ mod tests {
     fn a_thicker_and_larger_figure_comes_to_lie_on_its_counterpart() {
         let [target, source] = thicker_and_larger();
         let constraints = Constraints::default();
-        let pair = pair(&target, &source, Coverage::BOTH, &constraints);
+        let pair = pair(&source, &target, Coverage::BOTH, &constraints);
         let as_given = alignments(&pair)[0];
         let samples = [&target, &source].map(|shape| shape.drawn_vertices(SAMPLES));
         let samples = [samples[0].as_slice(), &samples[1]];
@@ -350,7 +355,7 @@ mod tests {
             changed(&source, 0.04, about_face),
         ] {
             let constraints = Constraints::default();
-            let pair = pair(&target, &source, Coverage::BOTH, &constraints);
+            let pair = pair(&source, &target, Coverage::BOTH, &constraints);
             let found = hypothesis(&pair, &Progress::default()).expect("regular");
             let found = found.expect("they stand alike");
             let images = found.judged_images();
@@ -364,7 +369,7 @@ mod tests {
     fn threads_change_nothing() {
         let [target, source] = thicker_and_larger();
         let constraints = Constraints::default();
-        let pair = pair(&target, &source, Coverage::BOTH, &constraints);
+        let pair = pair(&source, &target, Coverage::BOTH, &constraints);
         let [one, three] = [1, 3].map(|threads| {
             let pool = ThreadPoolBuilder::new().num_threads(threads).build();
             let found = pool

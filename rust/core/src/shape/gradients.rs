@@ -70,13 +70,13 @@ impl TangentGradients {
 /// vertices within the two gradients, `functions` eigenfunctions of the target are compared.
 #[must_use]
 pub fn orientation(
-    target: &TangentGradients,
     source: &TangentGradients,
+    target: &TangentGradients,
     matrix: MatRef<'_, f64>,
     pairs: impl Iterator<Item = (usize, usize)>,
     functions: usize,
 ) -> f64 {
-    let coverage = coverage(target, source, matrix, pairs, functions);
+    let coverage = coverage(source, target, matrix, pairs, functions);
     let mut sum = 0.0;
     for a in 0..coverage.nrows() {
         for b in 0..a {
@@ -92,8 +92,8 @@ pub fn orientation(
 /// that the orientation is the quadratic form ½ sᵀMs of the signs. Row and column 0 are zero.
 #[must_use]
 pub fn coverage(
-    target: &TangentGradients,
     source: &TangentGradients,
+    target: &TangentGradients,
     matrix: MatRef<'_, f64>,
     pairs: impl Iterator<Item = (usize, usize)>,
     functions: usize,

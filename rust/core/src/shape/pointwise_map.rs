@@ -197,8 +197,8 @@ impl Closest {
 /// # Errors
 /// [`crate::Error::Cancelled`].
 pub fn projected(
-    target: &Rows,
     source: &EmbeddedTriangles<'_>,
+    target: &Rows,
     images: &[u32],
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
@@ -225,8 +225,8 @@ pub fn projected(
 /// # Errors
 /// [`crate::Error::Cancelled`].
 pub fn projected_at_full_resolution(
-    (target, target_rows, full): (&Shape, &Rows, &FullResolution),
     source: &EmbeddedTriangles<'_>,
+    (target, target_rows, full): (&Shape, &Rows, &FullResolution),
     images: &[u32],
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {

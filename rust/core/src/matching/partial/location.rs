@@ -512,11 +512,11 @@ mod tests {
         let found = [
             (
                 Which::Target,
-                testing::pair(&piece, &whole, Coverage::BOTH, &constraints),
+                testing::pair(&whole, &piece, Coverage::BOTH, &constraints),
             ),
             (
                 Which::Source,
-                testing::pair(&whole, &piece, Coverage::BOTH, &constraints),
+                testing::pair(&piece, &whole, Coverage::BOTH, &constraints),
             ),
         ]
         .map(|(part_is, pair)| {

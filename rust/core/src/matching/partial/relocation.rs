@@ -122,7 +122,7 @@ mod tests {
 
     fn relocated_on(part: &Shape, whole: &Shape, images: &[u32]) -> Vec<Vec<u32>> {
         let constraints = Constraints::default();
-        let pair = testing::pair(part, whole, Coverage::TARGET_IS_PART, &constraints);
+        let pair = testing::pair(whole, part, Coverage::TARGET_IS_PART, &constraints);
         let pair = PartInWhole::of(&pair, Which::Target);
         relocated(&pair, images, &Progress::default()).expect("goes on")
     }

@@ -75,8 +75,8 @@ impl Constraints {
     /// # Errors
     /// [`crate::Error::Cancelled`].
     pub fn new(
-        target: &Shape,
         source: &Shape,
+        target: &Shape,
         landmarks: Vec<(u32, u32)>,
         same_axes: bool,
         progress: &Progress,

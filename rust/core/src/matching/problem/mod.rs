@@ -2,3 +2,4 @@
 
 pub mod constraints;
 pub mod pair;
+pub mod point_map;

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::matching::problem::constraints::{Constraints, Which};
+use crate::matching::problem::point_map::PointMap;
 use crate::shape::Shape;
 
 /// Whether mirrored maps may be chosen.
@@ -83,9 +84,9 @@ impl Coverage {
         }
     }
 
-    /// Mean of what the target's and the source's points give.
+    /// Mean of what the source's and the target's points give.
     #[must_use]
-    pub fn mean(self, by_target: f64, by_source: f64) -> f64 {
+    pub fn mean(self, by_source: f64, by_target: f64) -> f64 {
         f64::midpoint(self.target * by_target, self.source * by_source)
     }
 }
@@ -208,6 +209,32 @@ pub struct Pair<'a> {
 }
 
 impl<'a> Pair<'a> {
+    /// The map that gives points of the target, all or its first samples, their images on the source.
+    #[must_use]
+    pub fn to_source<'b>(&self, images: &'b [u32]) -> PointMap<'b>
+    where
+        'a: 'b,
+    {
+        PointMap {
+            from: self.target,
+            to: self.source,
+            images,
+        }
+    }
+
+    /// The map that gives points of the source, all or its first samples, their images on the target.
+    #[must_use]
+    pub fn to_target<'b>(&self, images: &'b [u32]) -> PointMap<'b>
+    where
+        'a: 'b,
+    {
+        PointMap {
+            from: self.source,
+            to: self.target,
+            images,
+        }
+    }
+
     /// Either shape.
     #[must_use]
     pub fn shape(&self, which: Which) -> &'a Shape {

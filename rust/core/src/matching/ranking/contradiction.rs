@@ -7,7 +7,7 @@ use crate::matching::problem::pair::Pair;
 use crate::shape::nearest::nearest;
 
 /// Source vertices of the landmarks by the embeddings of a map.
-pub(super) fn landmark_images(pair: &Pair<'_>, target: &Rows, source: &Rows) -> Vec<u32> {
+pub(super) fn landmark_images(pair: &Pair<'_>, source: &Rows, target: &Rows) -> Vec<u32> {
     let known: Vec<u32> = pair.constraints.landmarks.iter().map(|&(_, t)| t).collect();
     nearest(&target.gather(&known), source)
 }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use faer::{Mat, MatRef, Scale};
 
 use crate::matching::problem::pair::{Coverage, Pair, Part};
+use crate::matching::problem::point_map::{PointMap, PointMaps};
 use crate::matching::refinement::embedded_surface::Refined;
 use crate::mesh::boundary;
 use crate::shape::descriptors::{DETAIL_CURVATURES, Descriptors, HEAT_TIMES};
@@ -81,19 +82,14 @@ impl Metrics {
 }
 
 /// Orientation of a map over the judging samples of the target, or of a source that is a part, and their images.
-pub(super) fn orientation_of(
-    pair: &Pair<'_>,
-    matrix: MatRef<'_, f64>,
-    on_source: &[u32],
-    on_target: &[u32],
-) -> f64 {
+pub(super) fn orientation_of(pair: &Pair<'_>, matrix: MatRef<'_, f64>, maps: PointMaps<'_>) -> f64 {
     if !pair.uses(Part::Orientation) {
         return 1.0;
     }
     let (here, there) = if pair.coverage == Coverage::SOURCE_IS_PART {
-        (on_target, judging(pair.source))
+        (maps.source_to_target, judging(pair.source))
     } else {
-        (judging(pair.target), on_source)
+        (judging(pair.target), maps.target_to_source)
     };
     // Low functions of a part are made of many of the whole.
     let functions = if pair.knows_lengths() {
@@ -108,13 +104,13 @@ pub(super) fn orientation_of(
             Arc::new(TangentGradients::new(shape, vertices, functions))
         }
     };
-    let (on_target, on_source) = rayon::join(
-        || gradients(pair.target, here),
+    let (on_source, on_target) = rayon::join(
         || gradients(pair.source, there),
+        || gradients(pair.target, here),
     );
     orientation(
-        &on_target,
         &on_source,
+        &on_target,
         matrix,
         (0..here.len()).map(|i| (i, i)),
         ORIENTATION_FUNCTIONS,
@@ -156,8 +152,12 @@ pub fn metrics(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &[Vec<u32>; 2])
         let there = Scale(1.0 / unit) * b.spectral_distances(images, images);
         mean_change(&a.between_judged, &there, LOCAL)
     };
+    let maps = PointMaps {
+        target_to_source: on_source,
+        source_to_target: on_target,
+    };
     let (orientation, (here, there)) = rayon::join(
-        || orientation_of(pair, matrix, on_source, on_target),
+        || orientation_of(pair, matrix, maps),
         || {
             rayon::join(
                 || change(target, pair.lengths, source, on_source),
@@ -168,7 +168,7 @@ pub fn metrics(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &[Vec<u32>; 2])
     Metrics {
         orientation,
         local_distortion: if pair.uses(Part::Geodesic) {
-            pair.coverage.mean(here, there)
+            pair.coverage.mean(there, here)
         } else {
             0.0
         },
@@ -194,7 +194,8 @@ fn correlation(
     images: &[Vec<u32>; 2],
     looks: impl Fn(&Descriptors) -> MatRef<'_, f32>,
 ) -> f64 {
-    let one_way = |asking: &Shape, answering: &Shape, images: &[u32]| {
+    let one_way = |map: PointMap<'_>| {
+        let (asking, answering, images) = (map.from, map.to, map.images);
         let (own, there) = (looks(&asking.descriptors), looks(&answering.descriptors));
         let at = |looks: MatRef<'_, f32>, scale: usize, vertices: &[u32]| -> Vec<f64> {
             let look = |&v: &u32| f64::from(looks[(v as usize, scale)]);
@@ -219,8 +220,8 @@ fn correlation(
     };
     let [on_source, on_target] = images;
     pair.coverage.mean(
-        one_way(pair.target, pair.source, on_source),
-        one_way(pair.source, pair.target, on_target),
+        one_way(pair.to_target(on_target)),
+        one_way(pair.to_source(on_source)),
     )
 }
 
@@ -289,7 +290,7 @@ mod tests {
         let (whole, mut part, constraints) =
             (torus(RINGS), torus(RINGS / 2), Constraints::default());
         let agreement_with_itself = |shape: &Shape| {
-            let pair = pair(shape, &whole, Coverage::TARGET_IS_PART, &constraints);
+            let pair = pair(&whole, shape, Coverage::TARGET_IS_PART, &constraints);
             agreement(&pair, &[shape.farthest.clone(), whole.farthest.clone()])
         };
         let counted = agreement_with_itself(&part);

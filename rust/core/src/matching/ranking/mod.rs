@@ -17,6 +17,7 @@ use crate::algebra::vector;
 use crate::error::Result;
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair};
+use crate::matching::problem::point_map::PointMap;
 use crate::matching::refinement::coinciding::Placed;
 use crate::matching::refinement::embedded_surface::{self, Refined};
 use crate::matching::refinement::upsampling::UPSAMPLED_SIZE;
@@ -153,7 +154,7 @@ pub fn of_first_map(
         || pair.target.rows.first(size),
         || pair.source.rows.times(matrix.as_ref()),
     );
-    let of_landmarks = landmark_images(pair, &asking, &answering);
+    let of_landmarks = landmark_images(pair, &answering, &asking);
     let first = Shortlisted {
         matrix,
         contradiction: missed_landmarks(pair, &of_landmarks),
@@ -187,7 +188,7 @@ pub fn of_part(
             let on_source = of_judged(&images[0]);
             let matrix = state.low_map(UPSAMPLED_SIZE)?;
             let mut metrics = metrics(pair, matrix.as_ref(), &images);
-            let of_landmarks = landmark_images(pair, &state.target().rows, &state.source().rows);
+            let of_landmarks = landmark_images(pair, &state.source().rows, &state.target().rows);
             metrics.contradiction = missed_landmarks(pair, &of_landmarks)
                 + off_axes(pair, on_source)
                 + off_symmetry(pair, on_source);
@@ -223,8 +224,8 @@ pub fn of_placed(pair: &Pair<'_>, found: &Refined<'_>, placed: Arc<Placed>) -> R
     metrics.orientation = pair
         .coverage
         .mean(
-            facing(pair.target, pair.source, on_source),
-            facing(pair.source, pair.target, on_target),
+            facing(pair.to_target(on_target)),
+            facing(pair.to_source(on_source)),
         )
         .abs();
     let image = |&(_, t): &(u32, u32)| asking.images.vertex[t as usize];
@@ -241,15 +242,12 @@ pub fn of_placed(pair: &Pair<'_>, found: &Refined<'_>, placed: Arc<Placed>) -> R
 }
 
 /// Mean cosine between the normals at one shape's judging samples and at their images.
-fn facing(asking: &Shape, answering: &Shape, images: &[u32]) -> f64 {
+fn facing(map: PointMap<'_>) -> f64 {
     let cosine = |(&v, &image): (&u32, &u32)| {
-        vector::dot(
-            asking.normals[v as usize],
-            answering.normals[image as usize],
-        )
+        vector::dot(map.from.normals[v as usize], map.to.normals[image as usize])
     };
-    let sum: f64 = judging(asking).iter().zip(images).map(cosine).sum();
-    sum / images.len() as f64
+    let judged = judging(map.from).iter().zip(map.images);
+    judged.map(cosine).sum::<f64>() / map.images.len() as f64
 }
 
 /// How many hypotheses, best first, come so close to the first that their order by rank says

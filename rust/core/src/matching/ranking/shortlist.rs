@@ -7,6 +7,7 @@ use super::contradiction::{landmark_images, missed_landmarks, off_axes};
 use super::metrics::{ORIENTATION_OFFSET, judging, mean_change, orientation_of};
 use crate::error::{Error, Result};
 use crate::matching::problem::pair::{Coverage, Mirror, Pair, Part};
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::refinement::upsampling;
 use crate::matching::search::{Candidate, RANKED_WITHIN, Reach};
 use crate::shape::Shape;
@@ -130,11 +131,15 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64, check: Check<'_>) -> Re
             || change(target, source, &images),
             || change(source, target, &back),
         );
-        pair.coverage.mean(here, there)
+        pair.coverage.mean(there, here)
     } else {
         1.0
     };
-    let o = orientation_of(pair, matrix.as_ref(), &images, &back);
+    let maps = PointMaps {
+        target_to_source: &images,
+        source_to_target: &back,
+    };
+    let o = orientation_of(pair, matrix.as_ref(), maps);
     let o = if pair.mirror == Mirror::Allow {
         o.abs()
     } else {
@@ -154,7 +159,7 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64, check: Check<'_>) -> Re
     } else {
         1.0
     };
-    let found = landmark_images(pair, &rows_t, &rows_s);
+    let found = landmark_images(pair, &rows_s, &rows_t);
     let contradiction = missed_landmarks(pair, &found) + off_axes(pair, &images);
     Ok(Scored {
         voter: Shortlisted {

@@ -37,7 +37,7 @@ pub struct Placed {
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
-pub fn coinciding(target: &Shape, source: &Shape, check: Check<'_>) -> Result<Option<Placed>> {
+pub fn coinciding(source: &Shape, target: &Shape, check: Check<'_>) -> Result<Option<Placed>> {
     let (own, other) = (&target.mesh, &source.mesh);
     let placed: Vec<Point> = own
         .vertices

@@ -53,11 +53,11 @@ pub fn refined_on_covered<'a>(
         |from: &[u32], ids: &[u32]| -> Vec<u32> { ids.iter().map(|&v| from[v as usize]).collect() };
     let on_part = taken(&whole.images.vertex, &piece.vertices);
     let on_piece = taken(&piece.nearest, &part.images.vertex);
-    let (target, source, images) = match part_is {
-        Which::Target => (pair.target, &piece.shape, [on_piece, on_part]),
-        Which::Source => (&piece.shape, pair.source, [on_part, on_piece]),
+    let (source, target, images) = match part_is {
+        Which::Target => (&piece.shape, pair.target, [on_piece, on_part]),
+        Which::Source => (pair.source, &piece.shape, [on_part, on_piece]),
     };
-    let constraints = piece.constraints(pair.constraints, part_is, (target, source), progress)?;
+    let constraints = piece.constraints(pair.constraints, part_is, (source, target), progress)?;
     let of_piece = Pair {
         target,
         source,
@@ -141,7 +141,7 @@ impl Piece {
         &self,
         known: &Constraints,
         part_is: Which,
-        (target, source): (&Shape, &Shape),
+        (source, target): (&Shape, &Shape),
         progress: &Progress,
     ) -> Result<Constraints> {
         let numbered = |v: u32| self.vertices.binary_search(&v).ok().map(|i| i as u32);
@@ -150,8 +150,8 @@ impl Piece {
             Which::Source => Some((s, numbered(t)?)),
         });
         Constraints::new(
-            target,
             source,
+            target,
             landmarks.collect(),
             known.same_axes,
             progress,
@@ -259,7 +259,7 @@ mod tests {
             };
             let pair = Pair {
                 lengths: target.unit / source.unit,
-                ..testing::pair(target, source, coverage, &constraints)
+                ..testing::pair(source, target, coverage, &constraints)
             };
             let truth = if part_asks {
                 [on_whole.clone(), on_part.clone()]

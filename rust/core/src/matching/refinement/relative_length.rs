@@ -4,7 +4,7 @@
 //! k-th eigenfunction is not the k-th of the whole; a first map tells by how much.
 
 use crate::matching::problem::pair::{Coverage, Pair};
-use crate::shape::Shape;
+use crate::matching::problem::point_map::{PointMap, PointMaps};
 
 /// Samples between which distances are compared.
 const SAMPLES: usize = 200;
@@ -19,9 +19,9 @@ const EQUAL_FROM: f64 = 0.95;
 ///
 /// The images are those of every vertex.
 #[must_use]
-pub fn relative_length(pair: &Pair<'_>, on_source: &[u32], on_target: &[u32]) -> f64 {
-    let by_target = || median_growth(pair.target, pair.source, on_source);
-    let by_source = || 1.0 / median_growth(pair.source, pair.target, on_target);
+pub fn relative_length(pair: &Pair<'_>, maps: PointMaps<'_>) -> f64 {
+    let by_target = || median_growth(pair.to_source(maps.target_to_source));
+    let by_source = || 1.0 / median_growth(pair.to_target(maps.source_to_target));
     let (target_is_open, source_is_open) = (pair.target.mesh.is_open(), pair.source.mesh.is_open());
     if !target_is_open && !source_is_open {
         return 1.0;
@@ -42,20 +42,20 @@ pub fn relative_length(pair: &Pair<'_>, on_source: &[u32], on_target: &[u32]) ->
 }
 
 /// [`growth_at_samples`] by the images of all vertices.
-fn median_growth(own: &Shape, other: &Shape, images: &[u32]) -> f64 {
-    let samples = own.farthest_points(SAMPLES).iter();
-    let images: Vec<u32> = samples.map(|&v| images[v as usize]).collect();
-    growth_at_samples(own, other, &images)
+fn median_growth(map: PointMap<'_>) -> f64 {
+    let samples = map.from.farthest_points(SAMPLES).iter();
+    let images: Vec<u32> = samples.map(|&v| map.image(v)).collect();
+    growth_at_samples(map.with(&images))
 }
 
 /// Median of the distance between images over that between samples; 1 where there is none to compare. The
 /// images are those of the first farthest-point samples.
 #[must_use]
-pub fn growth_at_samples(own: &Shape, other: &Shape, images: &[u32]) -> f64 {
-    let samples = own.farthest_points(SAMPLES.min(images.len()));
-    let images = &images[..samples.len()];
-    let here = own.spectral_distances(samples, samples);
-    let there = other.spectral_distances(images, images);
+pub fn growth_at_samples(map: PointMap<'_>) -> f64 {
+    let samples = map.from.farthest_points(SAMPLES.min(map.images.len()));
+    let images = &map.images[..samples.len()];
+    let here = map.from.spectral_distances(samples, samples);
+    let there = map.to.spectral_distances(images, images);
     let mut growths: Vec<f64> = (0..samples.len())
         .flat_map(|j| (0..j).map(move |i| (i, j)))
         .filter(|&at| COMPARED.contains(&here[at]))
@@ -74,23 +74,28 @@ pub fn growth_at_samples(own: &Shape, other: &Shape, images: &[u32]) -> f64 {
 mod tests {
     use super::*;
     use crate::matching::problem::constraints::Constraints;
+    use crate::shape::Shape;
     use crate::testing::{RINGS, pair, torus};
 
     fn found(
-        target: &Shape,
         source: &Shape,
+        target: &Shape,
         coverage: Coverage,
         image: impl Fn(u32) -> u32,
     ) -> f64 {
         let constraints = Constraints::default();
-        let pair = pair(target, source, coverage, &constraints);
+        let pair = pair(source, target, coverage, &constraints);
         let images = |own: &Shape, other: &Shape| -> Vec<u32> {
             let last = other.mesh.vertices.len() as u32 - 1;
             (0..own.mesh.vertices.len() as u32)
                 .map(|v| image(v).min(last))
                 .collect()
         };
-        relative_length(&pair, &images(target, source), &images(source, target))
+        let maps = PointMaps {
+            target_to_source: &images(target, source),
+            source_to_target: &images(source, target),
+        };
+        relative_length(&pair, maps)
     }
 
     #[test]
@@ -100,12 +105,12 @@ mod tests {
         let truth = part.unit / whole.unit;
         assert!(truth < 0.85);
         // Spectral distances are about 2 % off.
-        let as_target = found(&part, &whole, Coverage::TARGET_IS_PART, |v| v);
+        let as_target = found(&whole, &part, Coverage::TARGET_IS_PART, |v| v);
         assert!(
             (as_target / truth - 1.0).abs() < 0.02,
             "{as_target} {truth}"
         );
-        let as_source = found(&whole, &part, Coverage::SOURCE_IS_PART, |v| v);
+        let as_source = found(&part, &whole, Coverage::SOURCE_IS_PART, |v| v);
         assert!(
             (as_source * truth - 1.0).abs() < 0.02,
             "{as_source} {truth}"
@@ -118,7 +123,12 @@ mod tests {
         let crowded: Vec<u32> = (0..whole.mesh.vertices.len() as u32)
             .map(|v| v / 3)
             .collect();
-        assert!(median_growth(&whole, &whole, &crowded) < EQUAL_FROM);
+        let map = PointMap {
+            from: &whole,
+            to: &whole,
+            images: &crowded,
+        };
+        assert!(median_growth(map) < EQUAL_FROM);
         let length = found(&whole, &whole, Coverage::TARGET_IS_PART, |v| v / 3);
         assert!((length - 1.0).abs() < f64::EPSILON);
     }

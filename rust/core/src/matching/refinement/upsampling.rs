@@ -9,6 +9,7 @@ use crate::algebra::closest::closest;
 use crate::algebra::dense;
 use crate::error::Result;
 use crate::matching::problem::pair::Pair;
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::search::{Candidate, SampledBases, fit, gram};
 use crate::shape::Shape;
 
@@ -56,8 +57,10 @@ pub fn upsampled(pair: &Pair<'_>, candidate: &Candidate) -> Result<Mat<f64>> {
         );
         matrix = fit(
             bases,
-            &on_answers,
-            &on_asked,
+            PointMaps {
+                target_to_source: &on_answers,
+                source_to_target: &on_asked,
+            },
             pair.coverage,
             (k + STEP).min(largest),
         )?;

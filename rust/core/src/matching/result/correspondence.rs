@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::matching::detail;
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::Coverage;
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::ranking::{Hypothesis, Metrics};
 use crate::matching::result::confidence::confidence;
 use crate::mesh::surface_point::SurfacePoint;
@@ -79,10 +80,10 @@ impl Correspondence {
         target: &Shape,
         points: Vec<SurfacePoint>,
         trust: &[f64],
-        [images, back]: [&[u32]; 2],
+        maps: PointMaps<'_>,
         progress: &Progress,
     ) -> Result<Self> {
-        let map = functional_map(source, target, images, back, &|| progress.check())?;
+        let map = functional_map(source, target, maps, &|| progress.check())?;
         let mut found = in_given_numbering(source, target, &points, trust, map);
         if source.full.is_some() || target.full.is_some() {
             found.points = points;
@@ -129,13 +130,13 @@ impl Correspondence {
     }
 }
 
-/// Points on the given meshes, confidence and functional map, from two embeddings, the vertex maps
+/// Points on the given meshes, confidence and functional map, from the rows of both embeddings, the vertex maps
 /// between them, and local distortion and gap at each target vertex; `in_detail` refined on the given meshes.
 pub(in crate::matching) fn dense_map(
     source: &Shape,
     target: &Shape,
-    (target_rows, images): (&Rows, &[u32]),
-    (source_rows, back): (&Rows, &[u32]),
+    [source_rows, target_rows]: [&Rows; 2],
+    maps: PointMaps<'_>,
     misfit: &[(f64, f64)],
     (landmarks, in_detail): (&[(u32, u32)], bool),
     progress: &Progress,
@@ -143,10 +144,15 @@ pub(in crate::matching) fn dense_map(
     let check: Check<'_> = &|| progress.check();
     let vertices = &target.mesh.vertices;
     let returns = |v: usize| {
-        let end = back[images[v] as usize] as usize;
+        let there = maps.target_to_source[v] as usize;
+        let end = maps.source_to_target[there] as usize;
         vector::norm(vector::sub(vertices[v], vertices[end]))
     };
-    let beyond = boundary::beyond(&source.rim_nearness, &target.rim_nearness, images);
+    let beyond = boundary::beyond(
+        &source.rim_nearness,
+        &target.rim_nearness,
+        maps.target_to_source,
+    );
     let trust: Vec<f64> = misfit
         .iter()
         .enumerate()
@@ -157,13 +163,13 @@ pub(in crate::matching) fn dense_map(
             located(
                 source,
                 target,
-                (target_rows, images),
-                source_rows,
+                [source_rows, target_rows],
+                maps.target_to_source,
                 landmarks,
                 check,
             )
         },
-        || functional_map(source, target, images, back, check),
+        || functional_map(source, target, maps, check),
     );
     let (mut points, functional_map) = (points?, functional_map?);
     let mut is_copy = false;
@@ -213,8 +219,8 @@ fn in_detail_of_given(
 fn located(
     source: &Shape,
     target: &Shape,
-    (target_rows, images): (&Rows, &[u32]),
-    source_rows: &Rows,
+    [source_rows, target_rows]: [&Rows; 2],
+    images: &[u32],
     landmarks: &[(u32, u32)],
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
@@ -222,12 +228,12 @@ fn located(
     let triangles = EmbeddedTriangles::new(source, source_rows);
     let mut points = match full {
         Some(full) => pointwise_map::projected_at_full_resolution(
-            (target, target_rows, full),
             &triangles,
+            (target, target_rows, full),
             images,
             check,
         ),
-        None => pointwise_map::projected(target_rows, &triangles, images, check),
+        None => pointwise_map::projected(&triangles, target_rows, images, check),
     }?;
     for &(known, asking) in landmarks {
         let vertex = full.map_or(asking, |f| f.kept[asking as usize]);
@@ -244,8 +250,7 @@ fn located(
 fn functional_map(
     source: &Shape,
     target: &Shape,
-    on_source: &[u32],
-    on_target: &[u32],
+    maps: PointMaps<'_>,
     check: Check<'_>,
 ) -> Result<Mat<f64>> {
     let k = |s: &Shape| FUNCTIONAL_MAP_SIZE.min(s.basis.values.len());
@@ -255,11 +260,11 @@ fn functional_map(
         shape.rows.gather_weighted(vertices, mass, k(shape))
     };
     let own = at(target, &all(target), &target.mass);
-    let carried = at(source, on_source, &target.mass);
+    let carried = at(source, maps.target_to_source, &target.mass);
     check()?;
     let mut right = dense::sum_of_products(own.as_columns(), carried.as_columns());
     check()?;
-    let carried_back = at(target, on_target, &source.mass);
+    let carried_back = at(target, maps.source_to_target, &source.mass);
     let own_of_source = at(source, &all(source), &source.mass);
     check()?;
     right += dense::sum_of_products(carried_back.as_columns(), own_of_source.as_columns());

@@ -8,6 +8,7 @@ use crate::algebra::dense;
 use crate::error::Result;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair, Part};
+use crate::matching::problem::point_map::PointMaps;
 use crate::shape::gradients::orientation;
 
 /// Eigenfunctions of the finished candidates.
@@ -39,6 +40,14 @@ pub struct Candidate {
 }
 
 impl Candidate {
+    /// Its point maps.
+    pub(super) fn maps(&self) -> PointMaps<'_> {
+        PointMaps {
+            target_to_source: &self.on_source,
+            source_to_target: &self.on_target,
+        }
+    }
+
     /// The inverse map.
     #[must_use]
     pub fn inverse(self) -> Self {
@@ -118,13 +127,16 @@ impl<'a> SampledPair<'a> {
     pub(super) fn judged(&self, matrix: Mat<f64>) -> Candidate {
         let ks = matrix.nrows();
         let (on_source, on_target) = self.images(matrix.as_ref());
-        let energy = self.energy(&on_source, &on_target);
+        let energy = self.energy(PointMaps {
+            target_to_source: &on_source,
+            source_to_target: &on_target,
+        });
         let is_oriented = ks >= ORIENTED_FROM.min(self.largest());
         let orientation = if self.pair.uses(Part::Orientation) && is_oriented {
             let pairs = on_source.iter().enumerate();
             let measured = orientation(
-                &self.side_target.gradients,
                 &self.side_source.gradients,
+                &self.side_target.gradients,
                 matrix.as_ref(),
                 pairs.map(|(i, &j)| (i, j as usize)),
                 ORIENTATION_FUNCTIONS,
@@ -160,39 +172,36 @@ impl<'a> SampledPair<'a> {
 
     /// Fit at k from a candidate's point maps, with new point maps.
     pub(super) fn refitted(&self, candidate: &Candidate, k: usize) -> Result<Candidate> {
-        self.fitted(&candidate.on_source, &candidate.on_target, k)
+        self.fitted(candidate.maps(), k)
     }
 
     /// Fit at k from point maps, with new point maps.
-    pub(super) fn fitted(
-        &self,
-        on_source: &[u32],
-        on_target: &[u32],
-        k: usize,
-    ) -> Result<Candidate> {
-        Ok(self.judged(self.fit(on_source, on_target, k)?))
+    pub(super) fn fitted(&self, maps: PointMaps<'_>, k: usize) -> Result<Candidate> {
+        Ok(self.judged(self.fit(maps, k)?))
     }
 
     /// Fit at k from point maps.
-    pub(super) fn fit(&self, on_source: &[u32], on_target: &[u32], k: usize) -> Result<Mat<f64>> {
+    pub(super) fn fit(&self, maps: PointMaps<'_>, k: usize) -> Result<Mat<f64>> {
         let bases = SampledBases {
             target: self.side_target.basis.as_ref(),
             source: self.side_source.basis.as_ref(),
             source_gram: self.source_gram.as_ref(),
         };
-        fit(bases, on_source, on_target, self.pair.coverage, k)
+        fit(bases, maps, self.pair.coverage, k)
     }
 
     /// Root mean square change of distances between samples, times the root of the mean
     /// descriptor mismatch.
-    fn energy(&self, on_source: &[u32], on_target: &[u32]) -> f64 {
+    fn energy(&self, maps: PointMaps<'_>) -> f64 {
         let distortion = self.pair.coverage.mean(
-            self.side_source.distortion(on_source, &self.side_target),
-            self.side_target.distortion(on_target, &self.side_source),
+            self.side_target
+                .distortion(maps.source_to_target, &self.side_source),
+            self.side_source
+                .distortion(maps.target_to_source, &self.side_target),
         );
         let mismatch = self.pair.coverage.mean(
-            self.side_source.mean_mismatch(on_source),
-            self.side_target.mean_mismatch(on_target),
+            self.side_target.mean_mismatch(maps.source_to_target),
+            self.side_source.mean_mismatch(maps.target_to_source),
         );
         let distortion = if self.pair.uses(Part::Geodesic) {
             distortion
@@ -242,15 +251,13 @@ pub fn gram(basis: MatRef<'_, f64>) -> Mat<f64> {
 
 /// Bijective least squares: C with Φₛ C ≈ Φₜ at the pairs of both point maps.
 ///
-/// `on_source` are source samples for the first target samples, `on_target` target samples for the first source
-/// samples. Returns `(k, k)`.
+/// The maps are those of the first samples of either shape to samples of the other. Returns `(k, k)`.
 ///
 /// # Errors
 /// [`crate::Error::NotFactorised`] when the pairs do not determine the map.
 pub fn fit(
     bases: SampledBases<'_>,
-    on_source: &[u32],
-    on_target: &[u32],
+    maps: PointMaps<'_>,
     coverage: Coverage,
     k: usize,
 ) -> Result<Mat<f64>> {
@@ -259,16 +266,16 @@ pub fn fit(
         source,
         source_gram,
     } = bases;
-    let (first, second) = (on_source.len(), on_target.len());
+    let (first, second) = (maps.target_to_source.len(), maps.source_to_target.len());
     let ((mut gram, mut right), by_source) = rayon::join(
         || {
-            let answers = dense::gather_rows(source, on_source, k);
+            let answers = dense::gather_rows(source, maps.target_to_source, k);
             let asked = target.get(..first, ..k);
             let right = dense::product(answers.transpose(), asked);
             (gram(answers.as_ref()), right)
         },
         || {
-            let answers = dense::gather_rows(target, on_target, k);
+            let answers = dense::gather_rows(target, maps.source_to_target, k);
             dense::product(source.get(..second, ..k).transpose(), answers.as_ref())
         },
     );

@@ -15,6 +15,7 @@ use self::candidate::{ORIENTED_FROM, SampledPair};
 use self::seeds::SEED_SIZE;
 use crate::error::{Error, Result};
 use crate::matching::problem::pair::{Mirror, Pair, Part};
+use crate::matching::problem::point_map::PointMaps;
 use crate::shape::gradients::{better_signs, coverage};
 use crate::watch::progress::Progress;
 
@@ -120,7 +121,7 @@ impl SampledPair<'_> {
     /// A candidate fitted at k with the last column turned, with the last two exchanged either way, and as it is: side by
     /// side, since at last there are few candidates.
     fn children(&self, parent: &Candidate, k: usize, exchanges: bool) -> Result<Vec<Candidate>> {
-        let matrix = self.fit(&parent.on_source, &parent.on_target, k)?;
+        let matrix = self.fit(parent.maps(), k)?;
         let mut changes = vec![vec![(k - 1, k - 1, -1.0)]];
         if exchanges {
             for sign in [1.0, -1.0] {
@@ -146,7 +147,11 @@ impl SampledPair<'_> {
         }
         let size = matrix.ncols();
         let (on_source, on_target) = self.images(matrix.as_ref());
-        self.fitted(&on_source, &on_target, size)
+        let maps = PointMaps {
+            target_to_source: &on_source,
+            source_to_target: &on_target,
+        };
+        self.fitted(maps, size)
     }
 
     /// Whether the last two of k eigenvalues are so close on either shape that their functions may
@@ -161,8 +166,8 @@ impl SampledPair<'_> {
     /// nearly symmetric from front to back, and their functions turn together.
     fn reoriented(&self, candidate: &Candidate) -> Result<Option<Candidate>> {
         let coverage = coverage(
-            &self.side_target.gradients,
             &self.side_source.gradients,
+            &self.side_target.gradients,
             candidate.matrix.as_ref(),
             candidate
                 .on_source
@@ -178,7 +183,11 @@ impl SampledPair<'_> {
         let (rows, columns) = (candidate.matrix.nrows(), candidate.matrix.ncols());
         let turned = Mat::from_fn(rows, columns, |i, j| signs[j] * candidate.matrix[(i, j)]);
         let (on_source, on_target) = self.images(turned.as_ref());
-        self.fitted(&on_source, &on_target, columns).map(Some)
+        let maps = PointMaps {
+            target_to_source: &on_source,
+            source_to_target: &on_target,
+        };
+        self.fitted(maps, columns).map(Some)
     }
 
     /// The best candidates: up to half of them from different basins, the rest merely different.
@@ -237,7 +246,7 @@ mod tests {
     fn the_inverse_pair_has_the_inverse_candidates() {
         let (coarse, fine) = (torus(24), torus(32));
         let constraints = Constraints::default();
-        let there = pair(&coarse, &fine, Coverage::BOTH, &constraints);
+        let there = pair(&fine, &coarse, Coverage::BOTH, &constraints);
         let width = Width::NARROW.both_ways(true);
         let progress = Progress::default();
         let found = candidates(&there, width, &progress).expect("tori look alike");

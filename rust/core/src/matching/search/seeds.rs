@@ -22,8 +22,8 @@ impl SampledPair<'_> {
     /// The best sign patterns as candidates.
     pub(super) fn sign_seeds(&self, size: usize) -> Vec<Candidate> {
         let mut seeds = sign_patterns(
-            self.pair.target.distance_operator.as_ref(),
             self.pair.source.distance_operator.as_ref(),
+            self.pair.target.distance_operator.as_ref(),
             size,
             true,
         );
@@ -91,8 +91,8 @@ impl SampledPair<'_> {
 /// Signed orders of the first eigenfunctions by how well they take one distance operator to the
 /// other, best first: all signs, and with `exchanges` also two neighbours exchanged.
 fn sign_patterns(
-    target: MatRef<'_, f64>,
     source: MatRef<'_, f64>,
+    target: MatRef<'_, f64>,
     size: usize,
     exchanges: bool,
 ) -> Vec<Mat<f64>> {
@@ -127,7 +127,7 @@ fn sign_patterns(
 
 /// The sign pattern of the first eigenfunctions that fits two distance operators best.
 #[must_use]
-pub fn best_signs(target: MatRef<'_, f64>, source: MatRef<'_, f64>) -> Mat<f64> {
+pub fn best_signs(source: MatRef<'_, f64>, target: MatRef<'_, f64>) -> Mat<f64> {
     let size = SEED_SIZE.min(target.nrows());
-    sign_patterns(target, source, size, false).swap_remove(0)
+    sign_patterns(source, target, size, false).swap_remove(0)
 }

@@ -92,7 +92,7 @@ pub fn in_place(pair: &Pair<'_>, check: Check<'_>) -> Result<Option<Placed>> {
     if pair.mirror == Mirror::Only || !pair.uses(Part::Extrinsic) {
         return Ok(None);
     }
-    coinciding(pair.target, pair.source, check)
+    coinciding(pair.source, pair.target, check)
 }
 
 /// The nearest points of surfaces that lie on one another, and what their places tell of the pair: which is a part, and
@@ -145,11 +145,7 @@ impl<'a> Refined<'a> {
         report: &(dyn Fn(f64) -> Result<()> + Sync),
     ) -> Result<Self> {
         if schedule.drawn.is_none() && !pair.knows_lengths() {
-            let [on_source, on_target] =
-                [self.target(), self.source()].map(|side| &side.images.vertex);
-            self.lengths = self
-                .moving_is
-                .seen(relative_length(pair, on_source, on_target));
+            self.lengths = self.moving_is.seen(relative_length(pair, self.maps()));
         }
         self.place_moving_on_still();
         let before = if schedule.two_ways { CLIMB.len() } else { 0 };

@@ -9,6 +9,7 @@ use super::state::Refined;
 use crate::algebra::vector::Point;
 use crate::deformation::piecewise_affine::{PiecewiseAffine, Pull};
 use crate::error::Result;
+use crate::matching::problem::point_map::PointMap;
 use crate::matching::refinement::parts::{self, Foot};
 use crate::matching::refinement::propagation::Images;
 use crate::matching::refinement::regions;
@@ -57,7 +58,12 @@ impl Refined<'_> {
         let lengths = self.lengths;
         let stretch = |images: &Images| {
             let all = 0..images.vertex.len() as u32;
-            regions::edge_misfit(moving, still, lengths, &images.vertex, all)
+            let map = PointMap {
+                from: moving,
+                to: still,
+                images: &images.vertex,
+            };
+            regions::edge_misfit(map, lengths, all)
         };
         let kept = self.kept();
         let before = stretch(&self.moving.images);
@@ -117,7 +123,7 @@ impl Refined<'_> {
         let (still, images) = (self.still.shape, &self.moving.images.vertex);
         if within_triangles {
             let triangles = EmbeddedTriangles::new(still, &self.still.rows);
-            projected(&self.moving.rows, &triangles, images, check)
+            projected(&triangles, &self.moving.rows, images, check)
         } else {
             let at_vertex = |&image: &u32| still.point_at(image);
             Ok(images.par_iter().map(at_vertex).collect())

@@ -4,6 +4,7 @@ use super::embedding::{LOW_PASSED, SWEEPS};
 use super::schedule::DETAIL;
 use super::state::Refined;
 use crate::error::Result;
+use crate::matching::problem::point_map::PointMap;
 use crate::matching::refinement::regions;
 use crate::matching::refinement::side::Surface;
 use crate::watch::progress::Check;
@@ -88,13 +89,12 @@ impl Refined<'_> {
     /// those that it gave the other's vertices that lie there on either map.
     fn adopt_better_regions(&mut self, [on_still, on_moving]: &[Vec<u32>; 2]) {
         let own = &mut self.moving.images.vertex;
-        let better = regions::better_elsewhere(
-            self.moving.shape,
-            self.still.shape,
-            self.lengths,
-            own,
-            on_still,
-        );
+        let map = PointMap {
+            from: self.moving.shape,
+            to: self.still.shape,
+            images: own,
+        };
+        let better = regions::better_elsewhere(map, self.lengths, on_still);
         for ((image, &there), &better) in own.iter_mut().zip(on_still).zip(&better) {
             if better {
                 *image = there;

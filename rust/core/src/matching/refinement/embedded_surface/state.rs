@@ -4,6 +4,7 @@ use faer::Mat;
 
 use crate::algebra::vector::{self, Point};
 use crate::matching::problem::constraints::Which;
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::refinement::side::Side;
 
 /// Where a refinement stands.
@@ -36,6 +37,15 @@ impl<'a> Refined<'a> {
     #[must_use]
     pub fn source(&self) -> &Side<'a> {
         self.side(Which::Source)
+    }
+
+    /// The point maps: all vertices of both shapes.
+    #[must_use]
+    pub fn maps(&self) -> PointMaps<'_> {
+        PointMaps {
+            target_to_source: &self.target().images.vertex,
+            source_to_target: &self.source().images.vertex,
+        }
     }
 
     /// The side of either.

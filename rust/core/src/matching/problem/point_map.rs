@@ -1,0 +1,39 @@
+//! Vertex maps with the shapes between which they lead, so that neither can be taken for the other.
+
+use crate::shape::Shape;
+
+/// A map from the vertices of one shape, or some of them, to vertices of the other.
+///
+/// Either may be the target: a pair is asked both ways.
+#[derive(Debug, Clone, Copy)]
+pub struct PointMap<'a> {
+    /// The shape whose vertices have images.
+    pub from: &'a Shape,
+    /// The shape on which the images lie.
+    pub to: &'a Shape,
+    /// Vertex of `to` for each vertex of `from`, or for its first farthest-point samples.
+    pub images: &'a [u32],
+}
+
+impl<'a> PointMap<'a> {
+    /// Another map between the same shapes.
+    #[must_use]
+    pub fn with(self, images: &'a [u32]) -> Self {
+        Self { images, ..self }
+    }
+
+    /// Image of a vertex.
+    #[must_use]
+    pub fn image(self, vertex: u32) -> u32 {
+        self.images[vertex as usize]
+    }
+}
+
+/// The point maps of a pair, both ways, in whatever numbering asks: all vertices, samples.
+#[derive(Debug, Clone, Copy)]
+pub struct PointMaps<'a> {
+    /// Points of the source for those of the target.
+    pub target_to_source: &'a [u32],
+    /// Points of the target for those of the source.
+    pub source_to_target: &'a [u32],
+}
