@@ -99,6 +99,7 @@ def _restore(mesh, before):
 
 def _apply(route, cuts):
     mesh = route.target.data
+    before = route.view.places(*mesh_write.read_places(mesh))
     normals = corner_normals(mesh) if mesh.has_custom_normals else None
     edited = bmesh.new()
     try:
@@ -119,7 +120,7 @@ def _apply(route, cuts):
         kept = mesh.attributes[NORMALS]
         mesh.normals_split_custom_set(read_attribute(kept).tolist())
         mesh.attributes.remove(mesh.attributes[NORMALS])
-    _extend_match(route, cuts, number)
+    _extend_match(route, cuts, number, *before)
 
 
 def _cut(edited, cuts):
@@ -177,13 +178,17 @@ def _star(pieces, rim, position):
     return None
 
 
-def _extend_match(route, cuts, number):
-    """The stored match of the new vertices, and of those that were moved onto a seam."""
+def _extend_match(route, cuts, number, old_faces, old_weights):
+    """The stored match of the new vertices, and of those that were moved onto a seam. Blender has mixed what
+    is stored of a new vertex out of its neighbours' numbers, which says nothing.
+    """
     mesh = route.target.data
-    new = number[-len(cuts.shares) :]
+    new = number[len(number) - len(cuts.shares) :]
     made = new >= 0
     place = np.concatenate([cuts.moved, new[made]])
-    faces, weights = route.view.places(*mesh_write.read_places(mesh))
+    more = len(mesh.vertices) - len(old_faces)
+    faces = np.concatenate([old_faces, np.zeros(more, old_faces.dtype)])
+    weights = np.concatenate([old_weights, np.zeros((more, 3))])
     faces[place] = np.concatenate([cuts.moved_faces, cuts.faces[made]])
     weights[place] = np.concatenate([cuts.moved_barycentric, cuts.barycentric[made]])
     mesh_write.write_places(mesh, len(route.view.pieces) > 1, *route.view.in_pieces(faces, weights))

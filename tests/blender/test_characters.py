@@ -16,7 +16,7 @@ from addon import character as characters
 from addon import command_line, figure, landmarks, mesh_read, notice, pair, stored_match
 from addon.job import MatchJob
 from addon.mesh_read import value_of
-from addon.mesh_write import read_attribute, write_attribute
+from addon.mesh_write import read_attribute, read_places, write_attribute, write_places
 from addon.transfer.joined import seen
 from addon.transfer.layouts import read_uv
 from addon.transfer.shape_keys import read_key
@@ -943,3 +943,28 @@ def test_a_manifest_takes_characters(files):
     bpy.ops.wm.open_mainfile(filepath=str(files / "out" / "others.blend"))
     assert weighted("Mage") and weighted("Monk") and "Knight Eye" in bpy.context.scene.objects
     assert stored_match.state(bpy.data.objects["Mage Eye"]).code == stored_match.MATCHED
+
+
+def test_faces_between_images_on_several_meshes_are_split(known):
+    """A vertex that a split makes has its own image, not numbers that Blender mixed of its neighbours'."""
+    knight, mage = known
+    centres = []
+    for obj in knight.pieces:
+        corners = mesh_read.positions(obj.data)[mesh_read.corner_vertices(obj.data)]
+        sides = np.repeat([face.center.x > 0.05 for face in obj.data.polygons], 4)
+        flat = 0.1 * corners[:, 1:] + 0.5 * sides[:, None]
+        obj.data.uv_layers.new(name="Map").uv.foreach_set("vector", flat.astype(np.float32).ravel())
+        centres.append(mesh_read.positions(obj.data)[mesh_read.triangle_vertices(obj.data)].mean(axis=1))
+    mesh = mage.body.data
+    piece, faces, weights, image = read_places(mesh)
+    # Every third image under the shirt lies on it; all are within triangles, so that seams run between them.
+    away = np.linalg.norm(centres[0][faces][:, None] - centres[1], axis=2)
+    worn = (away.min(axis=1) < 2 * OFF) & (np.arange(len(piece)) % 3 == 0)
+    piece[worn], faces[worn] = 1, away.argmin(axis=1)[worn]
+    write_places(mesh, True, piece, faces, np.full_like(weights, 1 / 3), image)
+    count = len(mesh.vertices)
+    transfer(knight.body, mage.body, kinds="uv")
+    piece, faces, weights, _ = read_places(mesh)
+    assert len(piece) > count and "were split along seams" in notice.words
+    assert (faces < np.array([len(triangles) for triangles in centres])[piece]).all()
+    np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-5)

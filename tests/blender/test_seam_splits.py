@@ -208,3 +208,30 @@ def test_a_sculpt_in_levels_that_is_not_unwrapped_is_left_whole(bodies):
     transfer(source, target, kinds="uv")
     assert len(target.data.vertices) == count and "left whole" in notice.words
     assert "Map" in target.data.uv_layers
+
+
+def test_seams_that_run_from_vertex_to_vertex_need_no_new_ones(scene):
+    """Quads whose diagonals are a seam on the source are cut in two, and get the islands on either side."""
+    x, y = np.meshgrid(np.arange(5.0), np.arange(5.0), indexing="ij")
+    points = np.stack([x, y, 0.0 * x], axis=-1).reshape(-1, 3)
+    number = np.arange(25).reshape(5, 5)
+    quads = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(
+        -1, 4
+    )
+    source = new_object("Source", *triangulated(points, quads.tolist()))
+    corners = points[triangle_vertices(source.data)]
+    above = (corners.mean(axis=1) @ (-1.0, 1.0, 0.0) > 0.0)[:, None, None]
+    expected = corners[..., :2] / 10.0 + 0.5 * above
+    source.data.uv_layers.new(name="Map").uv.foreach_set("vector", expected.astype(np.float32).ravel())
+    target = new_object("Target", points, quads.tolist())
+    store_nearest(source, target)
+    transfer(source, target, kinds="uv")
+    mesh = target.data
+    assert len(mesh.vertices) == 25 and len(mesh.polygons) == 16 + 4
+    assert "were split along seams" in notice.words
+    there = points[mesh_read.corner_vertices(mesh)]
+    island = np.array(
+        [np.mean([points[v] @ (-1.0, 1.0, 0.0) for v in face.vertices]) > 0.0 for face in mesh.polygons]
+    )
+    of = np.repeat(island, np.diff(mesh_read.face_starts(mesh)))
+    np.testing.assert_allclose(read_uv(mesh, "Map"), there[:, :2] / 10.0 + 0.5 * of[:, None], atol=1e-6)
