@@ -126,3 +126,14 @@ def test_pages_state_what_is():
         if diary.search(line)
     ]
     assert not found
+
+
+def test_what_artists_expect_is_shown_by_tests_that_there_are():
+    page = (ROOT / "docs" / "expectations.md").read_text(encoding="utf-8")
+    named = re.findall(r"`(test_\w+\.py)::(test_\w+)`", page)
+    assert len(named) > 30
+    for file, test in named:
+        code = (ROOT / "tests" / "blender" / file).read_text(encoding="utf-8")
+        assert f"def {test}(" in code, f"{file}::{test}"
+    rows = table_rows("docs/expectations.md", ["expected"])
+    assert rows and not [row for row in rows if row[1].startswith("no")]
