@@ -339,7 +339,9 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         head.alert = stored.grade == "red"
         reasons, sure = stored.reasons.splitlines(), stored.mean_confidence
         head.label(text=wording.of(stored), icon=GRADE_ICONS.get(stored.grade, "QUESTION"))
-        box.progress(factor=sure, text=said("{} sure", f"{sure:.0%}"))
+        # A map may hang together everywhere and lead to the wrong side, of which nobody is sure.
+        share, good = f"{sure:.0%}", stored.grade == "green"
+        box.progress(factor=sure, text=said("{} sure", share) if good else said("{} hangs together", share))
         if stored.swapped_sides:
             draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
         for reason in wording.plain(reasons):

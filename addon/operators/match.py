@@ -202,6 +202,8 @@ def summary(targets, wanted, transferred, pieces=1):
     name, verdict = f"'{targets[0].name}'{others(pieces - 1)}", wording.of(stored)
     if stored.swapped_sides:
         verdict = f"{verdict}, left and right swapped"
+    if stored.grade != "green":
+        return f"Matched {name} in {stored.seconds:.1f} s: {verdict}"
     return f"Matched {name} in {stored.seconds:.1f} s, {stored.mean_confidence:.0%} sure: {verdict}"
 
 

@@ -253,6 +253,15 @@ def test_swapped_sides_mirror_the_map(pair):
     assert "swapped" not in summary([target], 1, False)
 
 
+def test_a_match_to_be_checked_is_not_called_sure(pair):
+    """A map may hang together everywhere and be wrong as a whole."""
+    _, target, _ = pair
+    match()
+    assert target.data.spectral_match.grade == "green" and " sure: " in summary([target], 1, False)
+    target.data.spectral_match.grade = "amber"
+    assert summary([target], 1, False).endswith("s: Check this match")
+
+
 def test_the_options_of_the_panel_reach_the_core(pair, scene, monkeypatch):
     seen, core_match = {}, sgmds.match
     monkeypatch.setattr(
