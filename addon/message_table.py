@@ -553,7 +553,7 @@ MESSAGES = (
         "'{}' 的材质在 UV 贴图 '{}' 中重叠:已分别生成图像({})",
     ),
     (
-        "Faces of '{}' were split along seams: it has {} vertices now ({} before) and {} faces ({})",
+        "Faces of '{}' were split along seams: {} vertices now ({} before) and {} faces ({})",
         "'{}' の面をシームで分割しました: 頂点 {}(前 {})、面 {}(前 {})",
         "'{}' 的面已沿缝合边拆分:现有 {} 个顶点(之前 {})和 {} 个面(之前 {})",
     ),
@@ -573,7 +573,7 @@ MESSAGES = (
         "{}:因此未拆分,缝合边穿过处纹理会错位",
     ),
     (
-        "'{}' shows textures by the source's UV map, which they fit as they are: they were not baked. "
+        "Textures of '{}' are shown by the source's UV map, which they fit as they are: they were not baked. "
         "To bake them, unwrap it, or choose a UV map of its own",
         "'{}' は転送元の UVマップでそのままテクスチャを表示するため、ベイクしませんでした。ベイクするに"
         "は展開するか、自身の UVマップを選んでください",

@@ -57,7 +57,10 @@ TABLE = (
     (r"is on '(.*)', which is left out", TAKE),
     (r"^'(.*)' is hidden in all viewports", SHOW),
     (r"^'(.*)' is scaled to nothing", SCALE),
-    (r"^'(.*)' has no UV map of its own to bake|^'(.*)' shows textures by the source's UV map", UNWRAP),
+    (
+        r"^'(.*)' has no UV map of its own to bake|^Textures of '(.*)' are shown by the source's UV map",
+        UNWRAP,
+    ),
     (r"Make Local >", LOCAL),
     (r"Make Instances Real", REAL),
     (r"Leave Sculpt Mode first|Use Object Mode first", LEAVE_MODE),

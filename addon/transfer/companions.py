@@ -7,7 +7,7 @@ import numpy as np
 from .. import mesh_read
 from . import splines, strands
 from .attachment import attach, copy_of, held_by, in_source, new_copy, placed
-from .copies import copied, stand_in
+from .copies import copied, stand_in, stands_in
 from .kind import Kind, Prepared
 from .listed import listed
 from .pieces import pieces
@@ -30,6 +30,7 @@ def hanging(source, types=None):
         if obj.type in (types or CARRIERS)
         and held_by(obj, source) is not None
         and obj not in shapes
+        and not stands_in(obj)
         and obj in shown
     ]
 

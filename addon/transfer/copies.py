@@ -25,6 +25,11 @@ def stand_in(obj, pieces, name):
         del _joined[uid], _names[uid]
 
 
+def stands_in(obj):
+    """Whether an object was made to stand for others, and is gone soon."""
+    return obj.session_uid in _joined
+
+
 def name_of(obj):
     """The name of an object, or of the character that it stands for."""
     return _names.get(obj.session_uid, obj.name)

@@ -48,7 +48,7 @@ def split(route, uv_maps, options):
         with _kept_landmarks(mesh):
             route = _split_all(route, uv_maps, cuts)
         words = (
-            f"Faces of '{target.name}' were split along seams: it has {len(mesh.vertices)} vertices now "
+            f"Faces of '{target.name}' were split along seams: {len(mesh.vertices)} vertices now "
             f"({len(before.vertices)} before) and {len(mesh.polygons)} faces ({len(before.polygons)})"
         )
         yield route, [words]

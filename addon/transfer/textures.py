@@ -38,8 +38,8 @@ def _materials(source):
 def prepare(route, wanted, options):
     if takes_over(route, options):
         words = (
-            f"'{route.target.name}' shows textures by the source's UV map, which they fit as they are: they "
-            "were not baked. To bake them, unwrap it, or choose a UV map of its own"
+            f"Textures of '{route.target.name}' are shown by the source's UV map, which they fit as they "
+            "are: they were not baked. To bake them, unwrap it, or choose a UV map of its own"
         )
         return Prepared(partial(_show_originals, route, options), (words,))
     notes, baked = [], {}

@@ -19,6 +19,7 @@ from addon import command_line, figure, landmarks, mesh_read, notice, pair, stor
 from addon.job import MatchJob
 from addon.mesh_read import value_of
 from addon.mesh_write import read_attribute, read_places, write_attribute, write_places
+from addon.transfer.companions import hanging_on
 from addon.transfer.joined import seen
 from addon.transfer.layouts import read_uv
 from addon.transfer.shape_keys import read_key
@@ -945,6 +946,14 @@ def test_a_manifest_takes_characters(files):
     bpy.ops.wm.open_mainfile(filepath=str(files / "out" / "others.blend"))
     assert weighted("Mage") and weighted("Monk") and "Knight Eye" in bpy.context.scene.objects
     assert stored_match.state(bpy.data.objects["Mage Eye"]).code == stored_match.MATCHED
+
+
+def test_the_joined_source_hangs_on_nothing(two):
+    """The panel is drawn while a transfer has it, and lists what hangs on the rig."""
+    knight, _ = two
+    before = hanging_on(knight.pieces)
+    with seen(knight.pieces, "Knight") as view:
+        assert view.object not in hanging_on(knight.pieces) and hanging_on(knight.pieces) == before
 
 
 def test_faces_between_images_on_several_meshes_are_split(scene, monkeypatch):
