@@ -137,3 +137,12 @@ def test_what_artists_expect_is_shown_by_tests_that_there_are():
         assert f"def {test}(" in code, f"{file}::{test}"
     rows = table_rows("docs/expectations.md", ["expected"])
     assert rows and not [row for row in rows if row[1].startswith("no")]
+
+
+def test_the_citation_is_of_this_version():
+    # Two lines count, which need no reader of YAML.
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    version = re.search(r"^version: (\S+)$", citation, re.MULTILINE)
+    cargo = re.search(r'^version = "([^"]+)"', (ROOT / "Cargo.toml").read_text(), re.MULTILINE)
+    assert version[1] == cargo[1]
+    assert citation.startswith("cff-version: 1.2.0\n")
