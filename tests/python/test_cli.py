@@ -281,3 +281,19 @@ def test_threads_are_those_of_the_preparation_too(files, tmp_path, monkeypatch):
 )
 def test_a_missing_package_is_named_with_what_brings_it(module, wanted):
     assert missing(module).replace('"', "").startswith(f"{module} is missing: pip install {wanted}")
+
+
+def test_other_maps_are_saved_beside_the_chosen_one(files, tmp_path, capsys, slender, stout):
+    """As many, in the order and with the grades that the library gives."""
+    output = tmp_path / "map.npz"
+    command = ["match", str(files / "slender.obj"), str(files / "stout.obj"), "-o", str(output)]
+    corr = sgmds.match((slender.vertices, slender.faces), (stout.vertices, stout.faces))
+    others = corr.alternatives
+    assert others, "the test needs a pair with other plausible maps"
+    assert main([*command, "--alternatives"]) == 0
+    said = capsys.readouterr().out
+    for number, other in enumerate(others, 2):
+        path = tmp_path / f"map.{number}.npz"
+        assert f"{path}: {len(other.vertices)} vertices, {other.quality.grade}" in said
+        np.testing.assert_array_equal(sgmds.Correspondence.load(path).faces, other.faces)
+    assert not (tmp_path / f"map.{len(others) + 2}.npz").exists()

@@ -111,6 +111,11 @@ def _parser() -> argparse.ArgumentParser:
         metavar="SOURCE:TARGET",
         help="a pair of vertices known to belong together; repeatable",
     )
+    match.add_argument(
+        "--alternatives",
+        action="store_true",
+        help="save the other plausible maps too, best first: as MAP.2.npz, MAP.3.npz and so on",
+    )
     _add_common(match)
     match.set_defaults(run=_match)
 
@@ -337,6 +342,7 @@ def _match(options) -> int:
         return _fail(fault)
     archive.check_replaceable(options.output)
     meshes: list = [read_mesh(options.source), read_mesh(options.target)]
+    found: list = []
     try:
         with _ProgressBar() as progress:
             shapes = meshes
@@ -359,14 +365,22 @@ def _match(options) -> int:
                 progress=progress,
                 **_given(options, "part", "mirror", "threads", "seed"),
             )
+            found.append(corr)
+            if options.alternatives:
+                for index in range(corr.alternative_count):
+                    found.append(corr.alternative(index, progress=progress, threads=options.threads))
     except sgmds.MeshError as error:
         role, _, reason = str(error).partition(": ")
         named = role in ("source", "target")
         return _fail(f"{getattr(options, role)}: {reason}" if named else str(error))
-    corr.save(options.output)
-    print(f"{options.output}: {len(corr.vertices)} vertices, {corr.quality.grade}")
-    for reason in corr.quality.reasons:
-        print(f"  {reason}")
+    for number, each in enumerate(found, 1):
+        path = options.output if number == 1 else options.output.with_suffix(f".{number}.npz")
+        each.save(path)
+        print(f"{path}: {len(each.vertices)} vertices, {each.quality.grade}")
+        for reason in each.quality.reasons:
+            print(f"  {reason}")
+    if corr.alternative_count and not options.alternatives and corr.quality.grade != "green":
+        print(f"  other plausible maps: {corr.alternative_count}; --alternatives saves them too")
     return 0
 
 
