@@ -17,8 +17,8 @@ pub enum Error {
     },
     /// The largest connected part is too small for a spectrum.
     TooFewVertices { found: usize, wanted: usize },
-    /// The matrix of the operator could not be factorised.
-    NotFactorised { reason: String },
+    /// A system of equations has no factor.
+    NotFactorised { of: Equations, reason: String },
     /// The eigensolver stopped before every pair had converged.
     NotConverged {
         found: usize,
@@ -31,6 +31,55 @@ pub enum Error {
     BadArgument { what: String },
     /// The progress callback asked to stop.
     Cancelled,
+}
+
+/// What is solved for; each fails for causes of its own.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Equations {
+    /// Eigenfunctions of a surface.
+    Laplacian,
+    /// The distances of a shape, and what its descriptors say beside one another, in terms of few functions.
+    Shape,
+    /// A map between two spectra from matched points.
+    Map,
+    /// A surface that is drawn onto another.
+    Deformation,
+    /// Values where none were carried.
+    Filling,
+    /// Where the vertices of a garment go.
+    Garment,
+    /// The order in which the unknowns of a sparse system are eliminated.
+    Elimination,
+}
+
+impl Equations {
+    /// What failed, and what the user can do.
+    fn words(self) -> [&'static str; 2] {
+        /// What makes matrices of a mesh singular.
+        const MEND: &str =
+            "merge vertices that lie on top of each other and dissolve needle triangles";
+        match self {
+            Self::Laplacian => ["the Laplace operator could not be factorised", MEND],
+            Self::Shape => [
+                "the distances on a surface could not be expressed in its eigenfunctions",
+                MEND,
+            ],
+            Self::Map => [
+                "no map could be fitted to the points that were matched",
+                "set landmarks, or say which shape is a part of the other",
+            ],
+            Self::Deformation => ["one surface could not be drawn onto the other", MEND],
+            Self::Filling => [
+                "values could not be filled in where none were carried",
+                MEND,
+            ],
+            Self::Garment => ["the garment could not be fitted", MEND],
+            Self::Elimination => [
+                "the equations could not be set up",
+                "close other programs, or simplify the mesh",
+            ],
+        }
+    }
 }
 
 /// Shorthand used throughout the core.
@@ -64,11 +113,10 @@ impl fmt::Display for Error {
                 "the largest connected part has {found} vertices, at least {wanted} are needed: \
                  join loose parts by merging vertices at the same place, or subdivide"
             ),
-            Self::NotFactorised { reason } => write!(
-                f,
-                "the Laplace operator could not be factorised ({reason}): \
-                 merge vertices that lie on top of each other and dissolve needle triangles"
-            ),
+            Self::NotFactorised { of, reason } => {
+                let [failed, remedy] = of.words();
+                write!(f, "{failed} ({reason}): {remedy}")
+            }
             Self::NotConverged {
                 found,
                 wanted,
@@ -87,11 +135,40 @@ impl fmt::Display for Error {
 
 impl Error {
     /// [`Error::NotFactorised`] for what the linear algebra library says.
-    pub(crate) fn not_factorised(reason: impl fmt::Debug) -> Self {
+    pub(crate) fn not_factorised(of: Equations, reason: impl fmt::Debug) -> Self {
         Self::NotFactorised {
+            of,
             reason: format!("{reason:?}"),
         }
     }
 }
 
 impl std::error::Error for Error {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_system_of_equations_is_named_with_a_remedy_and_no_other_is() {
+        let all = [
+            Equations::Laplacian,
+            Equations::Shape,
+            Equations::Map,
+            Equations::Deformation,
+            Equations::Filling,
+            Equations::Garment,
+            Equations::Elimination,
+        ];
+        let mut named: Vec<&str> = all.iter().map(|of| of.words()[0]).collect();
+        for of in all {
+            let [failed, remedy] = of.words();
+            let said = Error::not_factorised(of, "pivot 3").to_string();
+            assert_eq!(said, format!("{failed} (\"pivot 3\"): {remedy}"));
+            assert_eq!(said.contains("Laplace"), of == Equations::Laplacian);
+        }
+        named.sort_unstable();
+        named.dedup();
+        assert_eq!(named.len(), all.len());
+    }
+}

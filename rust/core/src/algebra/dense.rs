@@ -8,7 +8,7 @@ use faer::linalg::solvers::Solve;
 use faer::traits::ComplexField;
 use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 
-use crate::error::{Error, Result};
+use crate::error::{Equations, Error, Result};
 
 /// Products, factors, solves and decompositions of the library, after which the processor is told that the upper parts
 /// of wide registers hold nothing.
@@ -53,11 +53,13 @@ pub fn add_product(out: MatMut<'_, f64>, a: MatRef<'_, f64>, b: MatRef<'_, f64>)
 /// Right-hand sides from which on as many others are solved for beside them.
 const COLUMNS_ASIDE: usize = 32;
 
-/// Solves (G + diag(ridge)) X = B for symmetric positive definite G, of which the lower half is read.
+/// Solves (G + diag(ridge)) X = B for symmetric positive definite G, of which the lower half is read; `of` is what an
+/// error names.
 ///
 /// # Errors
 /// [`Error::NotFactorised`] when the sum is not positive definite.
 pub fn solve_with_ridge(
+    of: Equations,
     mut gram: Mat<f64>,
     ridge: impl Fn(usize) -> f64,
     right: MatRef<'_, f64>,
@@ -67,6 +69,7 @@ pub fn solve_with_ridge(
     }
     let factor =
         clearing_registers(|| gram.llt(Side::Lower)).map_err(|e| Error::NotFactorised {
+            of,
             reason: format!("least squares of size {}: {e:?}", gram.nrows()),
         })?;
     let solve = |right: MatRef<'_, f64>| clearing_registers(|| factor.solve(right));

@@ -11,7 +11,7 @@ use faer::{Mat, MatRef};
 
 use super::{Convergence, Embedding};
 use crate::algebra::dense::{self, Rows};
-use crate::error::{Error, Result};
+use crate::error::{Equations, Error, Result};
 use crate::shape::Shape;
 use crate::shape::descriptors::WAVE_ENERGIES;
 use crate::watch::progress::Progress;
@@ -81,7 +81,12 @@ fn fitted(source: &Shape, target: &Shape, k: usize) -> Result<Mat<f64>> {
     let mut matrix = Mat::zeros(k, k);
     for i in 0..k {
         let ridge = |j: usize| weight * (((other[i] - own[j]) / largest).powi(2) + RIDGE);
-        let row = dense::solve_with_ridge(gram.clone(), ridge, right.as_ref().subcols(i, 1))?;
+        let row = dense::solve_with_ridge(
+            Equations::Map,
+            gram.clone(),
+            ridge,
+            right.as_ref().subcols(i, 1),
+        )?;
         for j in 0..k {
             matrix[(i, j)] = row[(j, 0)];
         }
@@ -108,6 +113,7 @@ fn spectra(shape: &Shape, k: usize) -> Mat<f64> {
 /// Nearest orthogonal matrix.
 fn orthogonal(matrix: MatRef<'_, f64>) -> Result<Mat<f64>> {
     let svd = Svd::new(matrix).map_err(|_| Error::NotFactorised {
+        of: Equations::Map,
         reason: "nearest orthogonal functional map".into(),
     })?;
     Ok(dense::product(svd.U(), svd.V().transpose()))

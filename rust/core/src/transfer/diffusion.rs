@@ -5,7 +5,7 @@ use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 
 use crate::algebra::dense::clearing_registers;
-use crate::error::{Error, Result};
+use crate::error::{Equations, Error, Result};
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::transfer::surface::Surface;
 
@@ -103,7 +103,10 @@ impl Diffusion {
             }
             entries.push(Triplet::new(i, i, diagonal));
         }
-        let not_factorised = |reason: String| Error::NotFactorised { reason };
+        let not_factorised = |reason: String| Error::NotFactorised {
+            of: Equations::Filling,
+            reason,
+        };
         let factor = if vertices.is_empty() {
             None
         } else {

@@ -17,7 +17,7 @@ use faer::{Mat, MatRef, Scale};
 use rayon::prelude::*;
 
 use crate::algebra::dense;
-use crate::error::Result;
+use crate::error::{Equations, Result};
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::Pair;
 use crate::shape::Shape;
@@ -88,7 +88,12 @@ impl<'a> PartInWhole<'a> {
         };
         let gram = dense::product(from.transpose(), from);
         let right = dense::product(from.transpose(), to);
-        dense::solve_with_ridge(gram, |_| FIT_RIDGE * asking.len() as f64, right.as_ref())
+        dense::solve_with_ridge(
+            Equations::Map,
+            gram,
+            |_| FIT_RIDGE * asking.len() as f64,
+            right.as_ref(),
+        )
     }
 
     /// Samples of the whole whose distances to the places are those of the part's first [`ASKING`] samples to the

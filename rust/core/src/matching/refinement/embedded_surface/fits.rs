@@ -4,7 +4,7 @@ use faer::{Mat, MatRef};
 
 use super::state::Refined;
 use crate::algebra::dense::{self, Rows};
-use crate::error::Result;
+use crate::error::{Equations, Result};
 use crate::matching::problem::constraints::Which;
 use crate::matching::refinement::side::Side;
 use crate::watch::progress::Check;
@@ -87,7 +87,12 @@ impl Refined<'_> {
         let right = products(m.own(k), &own_shift) - products(answered.as_columns(), &back);
         let values = &m.shape.basis.values;
         let scale = DISPLACEMENT_RIDGE / values[SMOOTHNESS_PAIR.min(values.len() - 1)];
-        let shift = dense::solve_with_ridge(gram, |i| scale * values[i] + 1e-12, right.as_ref())?;
+        let shift = dense::solve_with_ridge(
+            Equations::Map,
+            gram,
+            |i| scale * values[i] + 1e-12,
+            right.as_ref(),
+        )?;
         let mut deformed = m.smoothed.clone();
         dense::add_product(deformed.as_mut(), m.basis(k), shift.as_ref());
         Ok(deformed)
@@ -127,7 +132,7 @@ fn fitted(
     check()?;
     let right = asked_right + to_right;
     let gram = asked_gram + to.own_gram(k_to);
-    let matrix = dense::solve_with_ridge(gram, |_| MAP_RIDGE, right.as_ref())?;
+    let matrix = dense::solve_with_ridge(Equations::Map, gram, |_| MAP_RIDGE, right.as_ref())?;
     let squares = from.own_squares(k_from).iter().zip(&answered);
     let shared = squares
         .enumerate()
