@@ -886,6 +886,41 @@ MESSAGES = (
         "无法计算曲面({})。请合并重叠的顶点并融并针状三角面",
     ),
     (
+        "the distances on a surface could not be expressed in its eigenfunctions ({}): merge vertices that "
+        "lie on top of each other and dissolve needle triangles",
+        "表面上の距離を計算できません({})。重なった頂点を統合し、針状の三角形を溶解してください",
+        "无法计算曲面上的距离({})。请合并重叠的顶点并融并针状三角面",
+    ),
+    (
+        "no map could be fitted to the points that were matched ({}): set landmarks, or say which shape is a "
+        "part of the other",
+        "対応した点からマップを作れません({})。ランドマークを置くか、どちらが部分かを指定してください",
+        "无法由匹配的点得到映射({})。请设置标记点,或指明哪一个是另一个的局部",
+    ),
+    (
+        "one surface could not be drawn onto the other ({}): merge vertices that lie on top of each other "
+        "and dissolve needle triangles",
+        "一方の表面を他方に合わせられません({})。重なった頂点を統合し、針状の三角形を溶解してください",
+        "无法将一个曲面贴合到另一个({})。请合并重叠的顶点并融并针状三角面",
+    ),
+    (
+        "values could not be filled in where none were carried ({}): merge vertices that lie on top of each "
+        "other and dissolve needle triangles",
+        "転送されなかった部分の値を補えません({})。重なった頂点を統合し、針状の三角形を溶解してください",
+        "无法补全未传递处的值({})。请合并重叠的顶点并融并针状三角面",
+    ),
+    (
+        "the garment could not be fitted ({}): merge vertices that lie on top of each other and dissolve "
+        "needle triangles",
+        "衣装を合わせられません({})。重なった頂点を統合し、針状の三角形を溶解してください",
+        "无法贴合服装({})。请合并重叠的顶点并融并针状三角面",
+    ),
+    (
+        "the equations could not be set up ({}): close other programs, or simplify the mesh",
+        "計算の準備ができません({})。ほかのプログラムを終了するか、メッシュを簡略化してください",
+        "无法建立方程({})。请关闭其他程序,或简化网格",
+    ),
+    (
         "{} of {} eigenpairs converged (largest residual {}): ask for fewer, or clean up needle triangles",
         "表面の計算が収束しません({} / {}、残差 {})。針状の三角形を整理してください",
         "曲面计算未收敛({} / {},残差 {})。请清理针状三角面",

@@ -18,7 +18,7 @@ pub enum Error {
     /// The largest connected part is too small for a spectrum.
     TooFewVertices { found: usize, wanted: usize },
     /// A system of equations has no factor.
-    NotFactorised { of: Equations, reason: String },
+    NotFactorised { of: System, reason: String },
     /// The eigensolver stopped before every pair had converged.
     NotConverged {
         found: usize,
@@ -33,9 +33,9 @@ pub enum Error {
     Cancelled,
 }
 
-/// What is solved for; each fails for causes of its own.
+/// A system of equations by what it is solved for; each fails for causes of its own.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Equations {
+pub enum System {
     /// Eigenfunctions of a surface.
     Laplacian,
     /// The distances of a shape, and what its descriptors say beside one another, in terms of few functions.
@@ -52,7 +52,7 @@ pub enum Equations {
     Elimination,
 }
 
-impl Equations {
+impl System {
     /// What failed, and what the user can do.
     fn words(self) -> [&'static str; 2] {
         /// What makes matrices of a mesh singular.
@@ -135,7 +135,7 @@ impl fmt::Display for Error {
 
 impl Error {
     /// [`Error::NotFactorised`] for what the linear algebra library says.
-    pub(crate) fn not_factorised(of: Equations, reason: impl fmt::Debug) -> Self {
+    pub(crate) fn not_factorised(of: System, reason: impl fmt::Debug) -> Self {
         Self::NotFactorised {
             of,
             reason: format!("{reason:?}"),
@@ -152,20 +152,20 @@ mod tests {
     #[test]
     fn each_system_of_equations_is_named_with_a_remedy_and_no_other_is() {
         let all = [
-            Equations::Laplacian,
-            Equations::Shape,
-            Equations::Map,
-            Equations::Deformation,
-            Equations::Filling,
-            Equations::Garment,
-            Equations::Elimination,
+            System::Laplacian,
+            System::Shape,
+            System::Map,
+            System::Deformation,
+            System::Filling,
+            System::Garment,
+            System::Elimination,
         ];
         let mut named: Vec<&str> = all.iter().map(|of| of.words()[0]).collect();
         for of in all {
             let [failed, remedy] = of.words();
             let said = Error::not_factorised(of, "pivot 3").to_string();
             assert_eq!(said, format!("{failed} (\"pivot 3\"): {remedy}"));
-            assert_eq!(said.contains("Laplace"), of == Equations::Laplacian);
+            assert_eq!(said.contains("Laplace"), of == System::Laplacian);
         }
         named.sort_unstable();
         named.dedup();

@@ -373,8 +373,11 @@ def _match(options) -> int:
         role, _, reason = str(error).partition(": ")
         named = role in ("source", "target")
         return _fail(f"{getattr(options, role)}: {reason}" if named else str(error))
-    for number, each in enumerate(found, 1):
-        path = options.output if number == 1 else options.output.with_suffix(f".{number}.npz")
+    paths = [options.output]
+    paths += [options.output.with_suffix(f".{number}.npz") for number in range(2, len(found) + 1)]
+    for path in paths:
+        archive.check_replaceable(path)
+    for path, each in zip(paths, found, strict=True):
         each.save(path)
         print(f"{path}: {len(each.vertices)} vertices, {each.quality.grade}")
         for reason in each.quality.reasons:

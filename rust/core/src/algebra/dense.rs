@@ -8,7 +8,7 @@ use faer::linalg::solvers::Solve;
 use faer::traits::ComplexField;
 use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 
 /// Products, factors, solves and decompositions of the library, after which the processor is told that the upper parts
 /// of wide registers hold nothing.
@@ -59,7 +59,7 @@ const COLUMNS_ASIDE: usize = 32;
 /// # Errors
 /// [`Error::NotFactorised`] when the sum is not positive definite.
 pub fn solve_with_ridge(
-    of: Equations,
+    of: System,
     mut gram: Mat<f64>,
     ridge: impl Fn(usize) -> f64,
     right: MatRef<'_, f64>,

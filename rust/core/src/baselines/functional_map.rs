@@ -11,7 +11,7 @@ use faer::{Mat, MatRef};
 
 use super::{Convergence, Embedding};
 use crate::algebra::dense::{self, Rows};
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 use crate::shape::Shape;
 use crate::shape::descriptors::WAVE_ENERGIES;
 use crate::watch::progress::Progress;
@@ -82,7 +82,7 @@ fn fitted(source: &Shape, target: &Shape, k: usize) -> Result<Mat<f64>> {
     for i in 0..k {
         let ridge = |j: usize| weight * (((other[i] - own[j]) / largest).powi(2) + RIDGE);
         let row = dense::solve_with_ridge(
-            Equations::Map,
+            System::Map,
             gram.clone(),
             ridge,
             right.as_ref().subcols(i, 1),
@@ -113,7 +113,7 @@ fn spectra(shape: &Shape, k: usize) -> Mat<f64> {
 /// Nearest orthogonal matrix.
 fn orthogonal(matrix: MatRef<'_, f64>) -> Result<Mat<f64>> {
     let svd = Svd::new(matrix).map_err(|_| Error::NotFactorised {
-        of: Equations::Map,
+        of: System::Map,
         reason: "nearest orthogonal functional map".into(),
     })?;
     Ok(dense::product(svd.U(), svd.V().transpose()))

@@ -14,7 +14,7 @@ use std::ops::Range;
 use pulp::{Arch, Simd, WithSimd};
 
 use crate::algebra::dense::{multiplied_and_added, subtract};
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 
 /// Unknowns of a node.
 pub const UNKNOWNS: usize = 12;
@@ -197,7 +197,7 @@ impl BlockEquations {
                 };
                 if !cholesky::<FUSED>(diagonal) {
                     return Err(Error::NotFactorised {
-                        of: Equations::Deformation,
+                        of: System::Deformation,
                         reason: format!("a pivot of node {node} is not positive"),
                     });
                 }

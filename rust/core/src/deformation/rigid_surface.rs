@@ -14,7 +14,7 @@ use rayon::prelude::*;
 
 use crate::algebra::sparse_factor::{Factor, Pattern};
 use crate::algebra::vector::{self, Point};
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::watch::progress::Check;
 
@@ -76,7 +76,7 @@ impl Rigidity {
         let positive = |factor: &Factor| factor.negative_pivots() == 0;
         let factor = pattern.factor(&entries).filter(positive);
         let factor = factor.ok_or_else(|| Error::NotFactorised {
-            of: Equations::Deformation,
+            of: System::Deformation,
             reason: "the rigid surface has a pivot that is not positive".into(),
         })?;
         Ok(Self {

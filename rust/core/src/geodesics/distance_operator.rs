@@ -3,7 +3,7 @@
 use faer::{Mat, MatRef, Side};
 
 use crate::algebra::dense;
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 use crate::watch::progress::Check;
 
 /// Weight of the Dirichlet term against the data when whole distance fields are known: ten times
@@ -55,7 +55,7 @@ pub fn from_fields(
     let right = dense::product(at_samples.transpose(), projected.as_ref());
     let weight = DIRICHLET_WEIGHT * samples.len() as f64 / values[k - 1];
     let alpha = dense::solve_with_ridge(
-        Equations::Shape,
+        System::Shape,
         gram,
         |i| weight * values[i] + 1e-9,
         right.as_ref(),
@@ -86,7 +86,7 @@ pub fn from_samples(
     const GRAM_FLOOR: f64 = 1e-9;
     let (m, k) = (at_samples.nrows(), at_samples.ncols());
     let failed = |what: &str| Error::NotFactorised {
-        of: Equations::Shape,
+        of: System::Shape,
         reason: format!("distance operator from {m} samples and {k} eigenfunctions: {what}"),
     };
     let mut gram = dense::product(at_samples.transpose(), at_samples);

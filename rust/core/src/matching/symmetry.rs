@@ -8,7 +8,7 @@
 use faer::Mat;
 
 use crate::algebra::dense::{self, Rows};
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::{Coverage, LeftOut, Mirror, Pair};
 use crate::matching::refinement::upsampling;
@@ -58,7 +58,7 @@ pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f
     let gram = dense::product(basis.transpose(), basis.as_ref());
     let right = dense::product(basis.transpose(), offsets.as_ref());
     let ridge = RIDGE * samples.len() as f64;
-    let coefficients = dense::solve_with_ridge(Equations::Map, gram, |_| ridge, right.as_ref())?;
+    let coefficients = dense::solve_with_ridge(System::Map, gram, |_| ridge, right.as_ref())?;
     let smooth = dense::product(shape.functions(k), coefficients.as_ref());
     let above_zero = smooth.col(0).iter().map(|&s| s.max(0.0) as f32);
     Ok(Some(above_zero.collect()))

@@ -4,7 +4,7 @@ use faer::{Mat, MatRef};
 
 use crate::algebra::dense::{self, Rows};
 use crate::algebra::vector;
-use crate::error::{Equations, Result};
+use crate::error::{Result, System};
 use crate::mesh::{self, Mesh};
 use crate::spectrum::eigenbasis::Eigenbasis;
 use crate::spectrum::laplacian::Laplacian;
@@ -135,8 +135,7 @@ fn unexplained(
     let weighted = Mat::from_fn(n, explaining.ncols(), |i, c| mass[i] * explaining[(i, c)]);
     let gram = dense::product(weighted.transpose(), explaining.as_ref());
     let right = dense::product(weighted.transpose(), curvatures);
-    let fit =
-        dense::solve_with_ridge(Equations::Shape, gram, |_| EXPLAINING_RIDGE, right.as_ref())?;
+    let fit = dense::solve_with_ridge(System::Shape, gram, |_| EXPLAINING_RIDGE, right.as_ref())?;
     let explained = dense::product(explaining.as_ref(), fit.as_ref());
     Ok(Mat::from_fn(n, curvatures.ncols(), |i, c| {
         (curvatures[(i, c)] - explained[(i, c)]) as f32

@@ -5,7 +5,7 @@ use faer::sparse::{SparseColMat, Triplet};
 use faer::{Mat, Side};
 
 use crate::algebra::dense::clearing_registers;
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::transfer::surface::Surface;
 
@@ -104,7 +104,7 @@ impl Diffusion {
             entries.push(Triplet::new(i, i, diagonal));
         }
         let not_factorised = |reason: String| Error::NotFactorised {
-            of: Equations::Filling,
+            of: System::Filling,
             reason,
         };
         let factor = if vertices.is_empty() {

@@ -16,7 +16,7 @@ use faer::{Par, Side};
 
 use self::panels::Panels;
 use crate::algebra::dense::clearing_registers;
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 
 /// Columns that are treated as one at most, and the fraction of zeros that this may store: fewer steps of
 /// factorisation and substitution against more products.
@@ -73,7 +73,7 @@ impl Pattern {
                 ..Default::default()
             },
         )
-        .map_err(|e| Error::not_factorised(Equations::Elimination, e))?;
+        .map_err(|e| Error::not_factorised(System::Elimination, e))?;
         let ordering = symbolic
             .perm()
             .map_or_else(|| (0..n as u32).collect(), |p| p.arrays().0.to_vec());

@@ -17,7 +17,7 @@ use faer::{Mat, MatRef, Scale};
 use rayon::prelude::*;
 
 use crate::algebra::dense;
-use crate::error::{Equations, Result};
+use crate::error::{Result, System};
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::Pair;
 use crate::shape::Shape;
@@ -89,7 +89,7 @@ impl<'a> PartInWhole<'a> {
         let gram = dense::product(from.transpose(), from);
         let right = dense::product(from.transpose(), to);
         dense::solve_with_ridge(
-            Equations::Map,
+            System::Map,
             gram,
             |_| FIT_RIDGE * asking.len() as f64,
             right.as_ref(),

@@ -9,7 +9,7 @@ use crate::algebra::dense::{self, Rows};
 use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector;
 use crate::baselines::Convergence;
-use crate::error::{Equations, Result};
+use crate::error::{Result, System};
 use crate::matching::detail;
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::Coverage;
@@ -282,7 +282,7 @@ fn solved_functional_map(
 ) -> Result<Mat<f64>> {
     // The constant is carried exactly, so it takes no part in the ridge.
     let ridge = |i: usize| if i == 0 { 0.0 } else { FUNCTIONAL_MAP_RIDGE };
-    let alpha = dense::solve_with_ridge(Equations::Map, gram, ridge, right)?;
+    let alpha = dense::solve_with_ridge(System::Map, gram, ridge, right)?;
     Ok(faer::Scale(unit_ratio) * alpha)
 }
 

@@ -5,7 +5,7 @@ use faer::{Mat, MatRef, Scale};
 use super::sampled::{Sampled, Width};
 use crate::algebra::closest::closest;
 use crate::algebra::dense;
-use crate::error::{Equations, Result};
+use crate::error::{Result, System};
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair, Part};
 use crate::matching::problem::point_map::PointMaps;
@@ -284,7 +284,7 @@ pub fn fit(
     right *= Scale(coverage.target);
     right += Scale(coverage.source) * by_source;
     dense::solve_with_ridge(
-        Equations::Map,
+        System::Map,
         gram,
         |_| FIT_RIDGE * first as f64,
         right.as_ref(),

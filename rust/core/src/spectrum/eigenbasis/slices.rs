@@ -16,7 +16,7 @@ use super::lanczos::{BlockLanczos, RitzPairs};
 use super::orthogonal::{orthonormalise, remove};
 use super::shifted_factor::{Pattern, ShiftedFactor};
 use super::slice::Slice;
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 
 /// Fewer eigenpairs are found in one slice: two would take more solves than they save elsewhere. A shape has 150, and two
 /// shapes are mostly prepared side by side, so that no core is left for a second slice.
@@ -216,7 +216,7 @@ fn factor_near<'a>(
         }
     }
     Err(Error::NotFactorised {
-        of: Equations::Laplacian,
+        of: System::Laplacian,
         reason: format!("no accurate factor for {TRIALS} shifts up to {shift:.3}"),
     })
 }

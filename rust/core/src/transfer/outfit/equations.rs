@@ -2,7 +2,7 @@
 
 use crate::algebra::sparse_factor::Pattern;
 use crate::algebra::vector::{self, Point};
-use crate::error::{Equations, Error, Result};
+use crate::error::{Error, Result, System};
 
 /// Which places are coupled, and in which order they are eliminated: found once, used for many sums.
 #[derive(Debug)]
@@ -113,7 +113,7 @@ impl Sums<'_> {
             .pattern
             .factor(&numbers)
             .ok_or_else(|| Error::NotFactorised {
-                of: Equations::Garment,
+                of: System::Garment,
                 reason: "a pivot of the garment's equations vanished".into(),
             })?;
         let ordering = equations.pattern.ordering();

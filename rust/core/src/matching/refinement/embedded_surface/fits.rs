@@ -4,7 +4,7 @@ use faer::{Mat, MatRef};
 
 use super::state::Refined;
 use crate::algebra::dense::{self, Rows};
-use crate::error::{Equations, Result};
+use crate::error::{Result, System};
 use crate::matching::problem::constraints::Which;
 use crate::matching::refinement::side::Side;
 use crate::watch::progress::Check;
@@ -88,7 +88,7 @@ impl Refined<'_> {
         let values = &m.shape.basis.values;
         let scale = DISPLACEMENT_RIDGE / values[SMOOTHNESS_PAIR.min(values.len() - 1)];
         let shift = dense::solve_with_ridge(
-            Equations::Map,
+            System::Map,
             gram,
             |i| scale * values[i] + 1e-12,
             right.as_ref(),
@@ -132,7 +132,7 @@ fn fitted(
     check()?;
     let right = asked_right + to_right;
     let gram = asked_gram + to.own_gram(k_to);
-    let matrix = dense::solve_with_ridge(Equations::Map, gram, |_| MAP_RIDGE, right.as_ref())?;
+    let matrix = dense::solve_with_ridge(System::Map, gram, |_| MAP_RIDGE, right.as_ref())?;
     let squares = from.own_squares(k_from).iter().zip(&answered);
     let shared = squares
         .enumerate()
