@@ -2,6 +2,7 @@
 
 use crate::common::lumpy;
 use sgmds_core::algebra::vector::distance;
+use sgmds_core::matching::problem::point_map::PointMap;
 use sgmds_core::matching::refinement::regions::better_elsewhere;
 use sgmds_core::shape::Shape;
 use sgmds_core::watch::progress::Progress;
@@ -36,10 +37,16 @@ fn each_region_is_taken_from_the_map_that_is_right_there() {
     let top = with_turned_cap(&shape, 1.0, 0.7);
     let bottom = with_turned_cap(&shape, -1.0, 0.7);
 
+    let map = |images| PointMap {
+        from: &shape,
+        to: &shape,
+        images,
+    };
+
     // Each is wrong at its own pole only, so that the other is better there and nowhere else. Near the axis a
     // turn moves vertices by less than what counts as elsewhere.
     for (own, other) in [(&top, &bottom), (&bottom, &top)] {
-        let better = better_elsewhere(&shape, &shape, 1.0, own, other);
+        let better = better_elsewhere(map(own), 1.0, other);
         let wrong = right
             .iter()
             .zip(own)
@@ -51,5 +58,5 @@ fn each_region_is_taken_from_the_map_that_is_right_there() {
             assert!(!b || own[v] != right[v], "vertex {v} was right");
         }
     }
-    assert!(!better_elsewhere(&shape, &shape, 1.0, &right, &top).contains(&true));
+    assert!(!better_elsewhere(map(&right), 1.0, &top).contains(&true));
 }
