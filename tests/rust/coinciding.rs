@@ -17,9 +17,9 @@ fn moved(surface: &Surface, scale: f64, to: [f64; 3]) -> Surface {
     (surface.0.iter().map(place).collect(), surface.1.clone())
 }
 
-/// Which of two surfaces, first the target, lies on the other.
-fn lying(target: &Surface, source: &Surface) -> Option<Coverage> {
-    coinciding(&prepared(target), &prepared(source), &|| Ok(()))
+/// Which of two surfaces, first the source, lies on the other.
+fn lying(source: &Surface, target: &Surface) -> Option<Coverage> {
+    coinciding(&prepared(source), &prepared(target), &|| Ok(()))
         .expect("nothing cancels")
         .map(|found| found.coverage)
 }
@@ -34,8 +34,8 @@ fn a_surface_lies_on_itself_and_a_piece_on_its_whole_wherever_they_are() {
             whole.1.iter().filter(upper).copied().collect(),
         );
         assert_eq!(lying(&whole, &whole), Some(Coverage::BOTH));
-        assert_eq!(lying(&piece, &whole), Some(Coverage::TARGET_IS_PART));
-        assert_eq!(lying(&whole, &piece), Some(Coverage::SOURCE_IS_PART));
+        assert_eq!(lying(&whole, &piece), Some(Coverage::TARGET_IS_PART));
+        assert_eq!(lying(&piece, &whole), Some(Coverage::SOURCE_IS_PART));
     }
 }
 
