@@ -100,10 +100,15 @@ pub fn isometric(metrics: &Metrics) -> bool {
 }
 
 /// How likely a map is right, in [0, 1]: curvatures agree at matched points, no other map fits
-/// nearly as well, and, for an alternative, the chosen map says about the same.
+/// nearly as well, and, for an alternative, the chosen map says about the same. Where distances do not
+/// [tell](incomparable), no map is clear.
 #[must_use]
 pub fn score(metrics: &Metrics) -> f64 {
-    let clarity = (metrics.margin - MARGIN.0) / (MARGIN.1 - MARGIN.0);
+    let clarity = if incomparable(metrics) {
+        LEAST_CLARITY
+    } else {
+        (metrics.margin - MARGIN.0) / (MARGIN.1 - MARGIN.0)
+    };
     metrics.agreement.max(0.0)
         * clarity.clamp(LEAST_CLARITY, 1.0)
         * (-(metrics.apart / REACH).powi(2)).exp()
@@ -185,7 +190,7 @@ pub fn graded(metrics: &Metrics, coverage: Coverage) -> (Grade, Vec<String>) {
     }
     // A part is asked half as many questions, but looks like what it is a part of.
     let unlike_part = coverage != Coverage::BOTH && metrics.agreement < LOOKS_ALIKE;
-    let grade = if score < SCORE.0 || incomparable(metrics) {
+    let grade = if score < SCORE.0 {
         Grade::Red
     } else if score < SCORE.1
         || unlike_part
@@ -230,6 +235,16 @@ mod tests {
         ]
         .map(|coverage| graded(&unlike, coverage).0);
         assert_eq!(grades, [Grade::Green, Grade::Amber, Grade::Amber]);
+    }
+
+    #[test]
+    fn where_distances_do_not_tell_a_map_is_red_however_alike_the_shapes_look() {
+        let beyond = Metrics {
+            local_distortion: 1.01 * INCOMPARABLE,
+            agreement: 1.0,
+            ..good()
+        };
+        assert_eq!(graded(&beyond, Coverage::BOTH).0, Grade::Red);
     }
 
     #[test]
