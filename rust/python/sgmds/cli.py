@@ -375,7 +375,7 @@ def _match(options) -> int:
         return _fail(f"{getattr(options, role)}: {reason}" if named else str(error))
     paths = [options.output]
     paths += [options.output.with_suffix(f".{number}.npz") for number in range(2, len(found) + 1)]
-    for path in paths:
+    for path in paths[1:]:
         archive.check_replaceable(path)
     for path, each in zip(paths, found, strict=True):
         each.save(path)

@@ -257,9 +257,9 @@ pub fn beside(
     let may_be_part = [source, pair.target]
         .iter()
         .any(|shape| shape.mesh.is_open());
-    let looks_alike = map.metrics.agreement > LOOKS_ALIKE;
+    let may_be_enough = !may_be_part || map.metrics.agreement > LOOKS_ALIKE;
     let Some(best) = searched.first() else {
-        return (vec![map], looks_alike || !may_be_part);
+        return (vec![map], may_be_enough);
     };
     map.metrics.mirrored_gain = best.metrics.mirrored_gain;
     let (cost, least) = (map.metrics.cost(), best.metrics.cost());
@@ -272,7 +272,7 @@ pub fn beside(
     if !may_be_part && quality::incomparable(&best.metrics) {
         return (vec![map], true);
     }
-    let is_enough = cost < CLEARLY_LESS * least && (looks_alike || !may_be_part);
+    let is_enough = may_be_enough && cost < CLEARLY_LESS * least;
     (ranking::merged(source, searched, vec![map]), is_enough)
 }
 
