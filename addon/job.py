@@ -18,13 +18,18 @@ from .translation import said
 # The core's stages in an artist's words; one that is not here is shown by its own name.
 STAGE_WORDS = {
     "reading": "Reading",
+    "simplification": "Simplifying the mesh",
     "operator": "Looking at the surface",
     "eigenpairs": "Learning the shape",
     "sampling": "Choosing points",
     "geodesics": "Measuring distances",
+    "distance operator": "Measuring distances",
     "envelope": "Closing the figure",
     "landmarks": "Following landmarks",
     "search": "Searching maps",
+    "functional map": "Searching maps",
+    "GMDS": "Searching maps",
+    "S-GMDS": "Searching maps",
     "selection": "Comparing maps",
     "refinement": "Refining the map",
     "dense map": "Finding every vertex",

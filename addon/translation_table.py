@@ -333,6 +333,7 @@ TABLE = (
     ("Starting", "開始中", "正在开始"),
     ("Reading the meshes", "メッシュを読み込み中", "正在读取网格"),
     ("Reading", "読み込み中", "正在读取"),
+    ("Simplifying the mesh", "メッシュを簡略化中", "正在简化网格"),
     ("Looking at the surface", "表面を解析中", "正在分析曲面"),
     ("Learning the shape", "形状を解析中", "正在学习形状"),
     ("Choosing points", "点を選択中", "正在选点"),

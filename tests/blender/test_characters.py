@@ -956,6 +956,17 @@ def test_the_joined_source_hangs_on_nothing(two):
         assert view.object not in hanging_on(knight.pieces) and hanging_on(knight.pieces) == before
 
 
+def test_the_joined_source_is_not_drawn(two):
+    """The window is drawn while a transfer has it."""
+    knight, _ = two
+    with seen(knight.pieces, "Knight") as view:
+        graph = bpy.context.evaluated_depsgraph_get()
+        drawn = {each.object.original for each in graph.object_instances if each.show_self}
+        assert knight.body in drawn and view.object not in drawn
+        # Nevertheless it is posed.
+        assert len(view.object.evaluated_get(graph).data.vertices) == len(view.object.data.vertices)
+
+
 def test_faces_between_images_on_several_meshes_are_split(scene, monkeypatch):
     """A vertex that a split makes has its own image, not numbers that Blender mixed of its neighbours'."""
     # A shirt on the skin: ways lead from one to the other. Mixed numbers of these two pieces lead to the eye,

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The job behind the modal operator: progress, cancel, and a world that changed meanwhile."""
 
+import re
 import time
+from pathlib import Path
 
 import bpy
 import pytest
@@ -29,6 +31,18 @@ def test_runs_beside_and_reports(job):
     assert job.error is None and len(job.results) == 1 and stages
     targets, trouble = store(bpy.context, job)
     assert [obj.name for obj in targets] == ["Target"] and not trouble
+
+
+def test_each_stage_of_the_core_has_an_artist_s_words():
+    core = Path(__file__).parents[2] / "rust" / "core" / "src"
+    told = {
+        stage
+        for path in core.rglob("*.rs")
+        for stage in re.findall(r'report\(\s*"([^"]+)"', path.read_text(encoding="utf-8"))
+    }
+    # One that every match has, so that the search finds something.
+    assert "refinement" in told
+    assert told <= set(job_module.STAGE_WORDS)
 
 
 def test_cancel_ends_without_a_result(job):
