@@ -501,12 +501,11 @@ MESSAGES = (
         "'{}' 的面现使用 '{}' 的材质。原有材质仍在槽中,属性 {} 记录各面原先的材质",
     ),
     # UV maps and textures.
-    ("{}, there {}", "{}、転送元 {}", "{},来源 {}"),
     ("UV map '{}' on '{}'", "'{1}' の UVマップ '{0}'", "'{1}' 的 UV 贴图 '{0}'"),
     (
-        "{} is stretched more than on the source ({})",
-        "{} の伸びが転送元より大きくなりました({})",
-        "{} 的拉伸大于来源({})",
+        "{} is stretched {} times as much as on the source",
+        "{} の伸びが転送元の {} 倍です",
+        "{} 的拉伸是来源的 {} 倍",
     ),
     (
         "{} has {} flipped area (source {})",
@@ -603,9 +602,9 @@ MESSAGES = (
         "'{}' 已隐藏。请显示后再展开",
     ),
     (
-        "'{}' got the UV map '{}'. Transfer again to bake into it",
-        "'{}' に UVマップ '{}' を追加しました。再転送するとベイクされます",
-        "'{}' 已获得 UV 贴图 '{}'。再次传递即可烘焙",
+        "{} got the UV map '{}'. Transfer again to bake into it",
+        "{} に UVマップ '{}' を追加しました。再転送するとベイクされます",
+        "{} 已获得 UV 贴图 '{}'。再次传递即可烘焙",
     ),
     (
         "UV map '{}' of '{}' reaches out of the tiles that an image can have, from 0 to {} across and 0 "

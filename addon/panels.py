@@ -36,6 +36,7 @@ ADVICE = {
 }
 SWAP_BACK = "Press Swap Left and Right again to go back"
 LEGEND = "Equal colors belong together. Left and right have other hues"
+WHITE = "White pieces are left out"
 # More results than these are listed a line each.
 MOST_BOXES = 3
 # Pieces of a character that are listed without scrolling.
@@ -46,6 +47,14 @@ def state_of(target, source):
     """The state of a character's match, or of the worst one where its meshes were matched in several."""
     states = [stored_match.state_of(each, source) for each in stored_match.matched_together(target.pieces)]
     return min(states, key=lambda each: (each.usable, not each.words))
+
+
+def _leaves_white(found):
+    """Whether pieces of the pair are to be seen that are left out, and so have no colors of the match."""
+    bodies = [found.source, *found.targets] if found.source is not None else found.targets
+    return any(
+        obj.visible_get() and not obj.data.color_attributes for body in bodies for obj in body.left_out
+    )
 
 
 def icon_of(body):
@@ -341,15 +350,18 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         head.label(text=wording.of(stored), icon=GRADE_ICONS.get(stored.grade, "QUESTION"))
         # A map may hang together everywhere and lead to the wrong side, of which nobody is sure.
         share, good = f"{sure:.0%}", stored.grade == "green"
-        box.progress(factor=sure, text=said("{} sure", share) if good else said("{} hangs together", share))
+        box.progress(factor=sure, text=said("{} sure", share) if good else said("{} consistent", share))
         if stored.swapped_sides:
             draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
-        for reason in wording.plain(reasons):
-            draw_words(context, box, reason, "DOT", boxed=True)
+        settings = context.scene.spectral_match
+        # After a transfer what came of it has the room.
+        if not notice.done or settings.open_details:
+            for reason in wording.plain(reasons):
+                draw_words(context, box, reason, "DOT", boxed=True)
+            remedy.draw(box, "\n".join(reasons))
         if now.words:
             draw_words(context, box, now.words, "INFO", boxed=True)
-        remedy.draw(box, "\n".join([*reasons, now.words]))
-        settings = context.scene.spectral_match
+            remedy.draw(box, now.words)
         fold(box, settings, "open_details", "Details")
         if settings.open_details:
             for words in (*reasons, said("matched in {} s", f"{stored.seconds:.1f}")):
@@ -371,19 +383,17 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         )
         if now == "COLOURS":
             draw_words(context, layout, LEGEND, dim=True)
+        if now != "NOTHING" and _leaves_white(pair.shown(context)):
+            draw_words(context, layout, WHITE, dim=True)
         if now == "CONFIDENCE" or overlay.lines_shown():
             draw_words(context, layout, "Blue is sure, yellow is doubtful", dim=True)
         if morph.is_whole(modifier):
+            settings = context.scene.spectral_match
             morphing = layout.column(align=True)
-            for target in matched:
-                found = morph.modifier_of(target)
-                if morph.is_whole(found):
-                    text = "Morph" if len(matched) == 1 else target.name
-                    morphing.prop(*morph.place_of(found, morph.FACTOR), text=text, slider=True)
-            if len(matched) == 1:
-                ways = morphing.row(align=True)
-                for way, text in ((morph.IN_PLACE, "In Place"), (morph.WIPE, "Wipe")):
-                    ways.prop(*morph.place_of(modifier, way), text=text, toggle=True)
+            morphing.prop(settings, "morph_factor", slider=True)
+            ways = morphing.row(align=True)
+            for way in ("morph_in_place", "morph_wipe"):
+                ways.prop(settings, way, toggle=True)
 
 
 class VIEW3D_UL_spectral_match_landmarks(UIList):

@@ -13,6 +13,7 @@ from bpy.props import (
 )
 from bpy.types import Collection, Object, PropertyGroup
 
+from . import morph, pair
 from .character import AUTOMATIC, LEFT_OUT, TAKEN
 from .outfit import live, wardrobe
 from .transfer import TransferChoice, TransferOptions
@@ -60,6 +61,26 @@ class SPECTRAL_MATCH_PG_landmark(PropertyGroup):
 
 class SPECTRAL_MATCH_PG_skipped(PropertyGroup):
     """Something of the source that stays behind; `name` is "kind/name"."""
+
+
+def _morphs():
+    """The morph modifiers of the pair's matched meshes."""
+    found = map(morph.modifier_of, pair.matched_pieces(bpy.context))
+    return [modifier for modifier in found if morph.is_whole(modifier)]
+
+
+def _of_morphs(identifier, nothing):
+    """What reads a group input of all morphs that are shown, as the first has it, and what writes it."""
+
+    def read(_settings):
+        found = _morphs()
+        return morph.value(found[0], identifier) if found else nothing
+
+    def write(_settings, value):
+        for modifier in _morphs():
+            morph.set_value(modifier, identifier, value)
+
+    return {"get": read, "set": write}
 
 
 class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup):
@@ -152,6 +173,26 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
     open_details: BoolProperty(name="Details", description="Show what the matcher measured")
     open_notes: BoolProperty(name="Notes", description="Show what needs a look")
     open_lacking: BoolProperty(name="Lacking", description="Show what the source does not have")
+    # Of all meshes of a character at once; the modifiers have the values.
+    morph_factor: FloatProperty(
+        name="Morph",
+        min=0.0,
+        max=1.0,
+        subtype="FACTOR",
+        description="Move all matched meshes to their places on the source: 0 is the target's own shape, "
+        "1 the source's",
+        **_of_morphs(morph.FACTOR, 0.0),
+    )
+    morph_in_place: BoolProperty(
+        name="In Place",
+        description="Lay the source's shape over the target instead of moving it there",
+        **_of_morphs(morph.IN_PLACE, False),
+    )
+    morph_wipe: BoolProperty(
+        name="Wipe",
+        description="Go over to the source's shape from one end of the body to the other",
+        **_of_morphs(morph.WIPE, False),
+    )
     # How many transfers there were; undo takes them back.
     transfers: IntProperty()
 

@@ -10,6 +10,9 @@ from typing import Any
 
 import bpy
 
+# After a name: of how many meshes more the same is said.
+MORE = r"(?: and \d+ more mesh(?:es)?)?"
+
 
 @dataclass(frozen=True)
 class Remedy:
@@ -58,7 +61,8 @@ TABLE = (
     (r"^'(.*)' is hidden in all viewports", SHOW),
     (r"^'(.*)' is scaled to nothing", SCALE),
     (
-        r"^'(.*)' has no UV map of its own to bake|^Textures of '(.*)' are shown by the source's UV map",
+        rf"^'(.*?)'{MORE} has no UV map of its own to bake"
+        rf"|^Textures of '(.*?)'{MORE} are shown by the source's UV map",
         UNWRAP,
     ),
     (r"Make Local >", LOCAL),

@@ -219,6 +219,21 @@ TOOLTIPS = (
     ),
     ("Which part of a long list is shown", "長いリストの表示する部分", "显示长列表的哪一部分"),
     ("Show what needs a look", "確認が必要な点を表示します", "显示需要查看之处"),
+    (
+        "Move all matched meshes to their places on the source: 0 is the target's own shape, 1 the source's",
+        "マッチしたすべてのメッシュを転送元の位置へ動かします。0 は転送先、1 は転送元の形です",
+        "将所有已匹配的网格移到来源上的位置:0 为目标自身形状,1 为来源形状",
+    ),
+    (
+        "Lay the source's shape over the target instead of moving it there",
+        "転送先を動かさず、転送元の形をその場で重ねます",
+        "不移动目标,而是将来源的形状叠加到目标上",
+    ),
+    (
+        "Go over to the source's shape from one end of the body to the other",
+        "体の一端から他端へ、転送元の形に切り替えます",
+        "从身体一端到另一端过渡到来源的形状",
+    ),
     ("Show what the source does not have", "転送元にない種類を表示します", "显示来源没有的种类"),
     ("Carry vertex groups and their weights", "頂点グループとウェイトを転送します", "传递顶点组及其权重"),
     (
@@ -543,9 +558,9 @@ TOOLTIPS = (
         "将此物体缩放为 0 的各轴设为 1",
     ),
     (
-        "Give this mesh a UV map of its own, beside those it has, by Smart UV Project",
-        "スマートUV投影で、このメッシュに自身の UVマップを追加します",
-        "用智能 UV 投射为此网格添加自己的 UV 贴图",
+        "Give this mesh, and others of its character without one, a UV map of its own by Smart UV Project",
+        "スマートUV投影で、このメッシュと、同じキャラクターの UVマップのないメッシュに UVマップを追加します",
+        "用智能 UV 投射为此网格及同一角色中没有 UV 贴图的网格添加自己的 UV 贴图",
     ),
     (
         "Remove the landmarks of this pair whose mesh got other vertices since they were picked",

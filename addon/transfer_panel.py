@@ -3,7 +3,7 @@
 
 from bpy.types import Panel
 
-from . import notice, pair, remedy, stored_match
+from . import notice, pair, remedy, stored_match, wording
 from .character import is_there
 from .drawing import BIG, MatchedSubPanel, draw_words, fold
 from .operators.settings import SPECTRAL_MATCH_MT_presets
@@ -53,14 +53,30 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         later = row.row(align=True)
         later.enabled = not after
         later.operator("ed.redo", text="After", text_ctxt=OWN_CONTEXT, icon="HIDE_OFF" if after else "BLANK1")
-        notes = notice.words.splitlines()
-        if notes:
+        look, told = wording.notes_in_order(notice.words.splitlines())
+        if look:
             one = said("1 thing needs a look")
-            many = one if len(notes) == 1 else said("{} things need a look", len(notes))
-            fold(box, settings, "open_notes", many)
-            for note in notes if settings.open_notes else ():
-                draw_words(context, box, note, "DOT", boxed=True)
-                remedy.draw(box, note)
+            fold(
+                box,
+                settings,
+                "open_notes",
+                one if len(look) == 1 else said("{} things need a look", len(look)),
+            )
+        elif told:
+            fold(
+                box,
+                settings,
+                "open_notes",
+                said("1 note") if len(told) == 1 else said("{} notes", len(told)),
+            )
+        if not settings.open_notes:
+            return
+        for note in look:
+            draw_words(context, box, note, "DOT", boxed=True)
+            remedy.draw(box, note)
+        for note in told:
+            draw_words(context, box, note, "INFO", boxed=True, dim=True)
+            remedy.draw(box, note)
 
 
 def draw_kinds(layout, settings, sources):

@@ -69,7 +69,7 @@ TABLE = (
     ("Check this match", "要確認", "请检查此匹配"),
     ("Poor match", "不良なマッチ", "匹配较差"),
     ("{} sure", "確実さ {}", "把握 {}"),
-    ("{} hangs together", "まとまり {}", "连贯 {}"),
+    ("{} consistent", "一貫性 {}", "连贯 {}"),
     ("match again", "再マッチが必要", "需重新匹配"),
     ("Details", "詳細", "详细信息"),
     ("matched in {} s", "所要時間 {} 秒", "用时 {} 秒"),
@@ -174,6 +174,7 @@ TABLE = (
         "同じ色が対応します。左右は色相が異なります",
         "相同颜色互相对应,左右色相不同",
     ),
+    ("White pieces are left out", "白いパーツは除外されています", "白色部件已排除"),
     # Fix.
     (
         "Nothing to do, unless you see something wrong",
@@ -268,6 +269,8 @@ TABLE = (
     ("rig", "リグ", "绑定"),
     ("1 thing needs a look", "確認が必要な点 1 件", "1 处需要查看"),
     ("{} things need a look", "確認が必要な点 {} 件", "{} 处需要查看"),
+    ("1 note", "メモ 1 件", "1 条说明"),
+    ("{} notes", "メモ {} 件", "{} 条说明"),
     ("{} more that the source lacks", "転送元にない種類 {} 件", "来源没有的另外 {} 种"),
     ("{} of {}", "{} / {}", "{} / {}"),
     ("Page of {}", "ページ(全 {})", "页(共 {})"),

@@ -29,6 +29,22 @@ PLAIN = (
     ("far out: ", "A point far out was taken to lie between its neighbours"),
     ("neighbours on the target", "Limbs may have grown together where they touch"),
 )
+# What tells of a transfer how it was done; all else that it notes needs a look.
+TOLD = (
+    "that both its rig and the source's have are kept",
+    "came beside it as",
+    "Its own stay in its slots",
+    "was replaced: it stays in the scene",
+    "What hung on its bones follows the new rig",
+    "Weights went to bones that hold the same",
+    "was not fitted",
+    "locked vertex groups of",
+    "were split along seams",
+    "each of them got images of its own",
+    "Weights of other bones gave way",
+    "and were left out",
+    "and was left out",
+)
 # Reasons that are no doubts.
 NO_DOUBT = frozenset(words for sign, words in PLAIN[:5] if words)
 GRADES = {"green": "Good match", "amber": "Check this match", "red": "Poor match"}
@@ -44,6 +60,15 @@ def plain(reasons: Iterable[str]) -> list[str]:
         if words is not None:
             found.append(re.sub(r" \([^)]*\d[^)]*\)", "", words[:1].upper() + words[1:]))
     return list(dict.fromkeys(found))
+
+
+def notes_in_order(notes: Iterable[str]) -> tuple[list[str], list[str]]:
+    """Notes on a transfer: those that need a look, and those that tell how it was done."""
+    look: list[str] = []
+    told: list[str] = []
+    for note in notes:
+        (told if any(sign in note for sign in TOLD) else look).append(note)
+    return look, told
 
 
 def verdict(grade: str, reasons: Iterable[str], confidence: float) -> str:

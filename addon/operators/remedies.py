@@ -8,6 +8,8 @@ from bpy.types import Operator
 
 from .. import landmarks, mesh_read, mesh_write, pair
 from ..mesh_read import UnusableObjectError
+from ..transfer import others
+from ..transfer.layouts import own_maps
 from .step import Step
 
 # Between islands, as a share of the square: eight texels of an image 2048 wide, the margin that is baked.
@@ -69,41 +71,67 @@ class SPECTRAL_MATCH_OT_unit_scale(OnObject, Operator):
 
 
 class SPECTRAL_MATCH_OT_unwrap(OnObject, Operator):
-    """Give this mesh a UV map of its own, beside those it has, by Smart UV Project"""
+    """Give this mesh, and others of its character without one, a UV map of its own by Smart UV Project"""
 
     bl_idname = "spectral_match.unwrap"
     bl_label = "Unwrap It"
 
     def act_on(self, obj, context):
         objects = context.view_layer.objects
-        if obj.name not in objects or not obj.visible_get():
-            raise UnusableObjectError(f"'{obj.name}' is hidden. Show it to unwrap it")
-        mesh_read.check_usable(obj, as_target=True)
+        bare = [obj, *(each for each in _matched_with(obj, context) if not own_maps(each.data))]
+        for each in bare:
+            if each.name not in objects or not each.visible_get():
+                raise UnusableObjectError(f"'{each.name}' is hidden. Show it to unwrap it")
+            mesh_read.check_usable(each, as_target=True)
         active, selected = objects.active, list(objects.selected)
         # All that are selected, or in Edit Mode already, would be unwrapped.
         with mesh_write.object_mode(context, [each for each in objects if each.type == "MESH"]):
-            objects.active = obj
-            layer = obj.data.uv_layers.new(name="UVMap")
-            if layer is None:
-                raise UnusableObjectError(f"'{obj.name}' has no room for one more UV map. Remove one")
-            obj.data.uv_layers.active = layer
-            name = layer.name
+            layers = {each: each.data.uv_layers.new(name="UVMap") for each in bare}
+            full = next((each.name for each, layer in layers.items() if layer is None), None)
+            if full is not None:
+                for each, layer in layers.items():
+                    if layer is not None:
+                        each.data.uv_layers.remove(layer)
+                raise UnusableObjectError(f"'{full}' has no room for one more UV map. Remove one")
+            name = layers[obj].name
             for each in selected:
                 each.select_set(False)
-            states = list(_states(obj.data))
-            bpy.ops.object.mode_set(mode="EDIT")
             try:
-                bpy.ops.mesh.reveal()
-                bpy.ops.mesh.select_all(action="SELECT")
-                bpy.ops.uv.smart_project(island_margin=ISLAND_MARGIN)
+                for each, layer in layers.items():
+                    each.data.uv_layers.active = layer
+                    _unwrap(objects, each)
             finally:
-                bpy.ops.object.mode_set(mode="OBJECT")
                 objects.active = active
                 for each in selected:
                     each.select_set(True)
-                for elements, state, values in states:
-                    elements.foreach_set(state, values)
-        self.tell({"INFO"}, f"'{obj.name}' got the UV map '{name}'. Transfer again to bake into it")
+        who = f"'{obj.name}'{others(len(bare) - 1)}"
+        self.tell({"INFO"}, f"{who} got the UV map '{name}'. Transfer again to bake into it")
+
+
+def _matched_with(obj, context):
+    """The other meshes of a target of the pair that were matched with this one."""
+    return [
+        each
+        for target in pair.matched(context)
+        if obj in target.pieces
+        for each in target.pieces
+        if each != obj
+    ]
+
+
+def _unwrap(objects, obj):
+    """Lay out all faces of a mesh, hidden ones too, in its active UV map."""
+    objects.active = obj
+    states = list(_states(obj.data))
+    bpy.ops.object.mode_set(mode="EDIT")
+    try:
+        bpy.ops.mesh.reveal()
+        bpy.ops.mesh.select_all(action="SELECT")
+        bpy.ops.uv.smart_project(island_margin=ISLAND_MARGIN)
+    finally:
+        bpy.ops.object.mode_set(mode="OBJECT")
+        for elements, state, values in states:
+            elements.foreach_set(state, values)
 
 
 def _states(mesh):

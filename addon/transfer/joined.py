@@ -120,7 +120,7 @@ def _seen_joined(sources, bodies, name):
             _follow_bone(obj, objects[-1])
         view = replace(_joined(sources, bodies, objects, matrices), notes=tuple(notes))
         view.object.name = f"{name} ({len(sources)} meshes)"
-        # The window is drawn meanwhile: an instancer of nothing that does not show itself is posed, not drawn.
+        # The window is drawn meanwhile. An instancer that does not show itself is posed, but not drawn.
         view.object.instance_type, view.object.show_instancer_for_viewport = "VERTS", False
         with stand_in(view.object, sources, name):
             yield view

@@ -36,14 +36,16 @@ def prepare(route, wanted, options):
             "can be. Remove one"
         )
     carried, notes = {}, []
+    shown = not bakes_into_own(route, options)
     for name in wanted:
         uv = finite_uv(source, name)[route.triangle_corners]
         layout = route.map.layout(*route.faces, uv)
         carried[name] = layout.uv
-        notes += _faults(route, name, uv, layout.uv)
+        if shown:
+            # Of a map by which nothing is seen its faults are no trouble.
+            notes += _faults(route, named[name], uv, layout.uv)
     seams = _seams(route, carried[_active(source, wanted)]) if options.mark_seams else None
     notes += _beside(route, named)
-    shown = not bakes_into_own(route, options)
     return Prepared(lambda: _write(source, target, named, carried, seams, shown), tuple(notes))
 
 
@@ -70,8 +72,8 @@ def _faults(route, name, source_uv, target_uv):
     after = judge(route.target_points[route.target_triangles], target_uv[route.target_corners])
     found, of_map = [], f"UV map '{name}' on '{route.target.name}'"
     if after["stretch"] > STRETCH_ROOM * before["stretch"]:
-        figures = f"{after['stretch']:.1f}, there {before['stretch']:.1f}"
-        found.append(f"{of_map} is stretched more than on the source ({figures})")
+        times = after["stretch"] / before["stretch"]
+        found.append(f"{of_map} is stretched {times:.1f} times as much as on the source")
     if after["flipped"] > before["flipped"] + SHARE_ROOM:
         found.append(f"{of_map} has {after['flipped']:.0%} flipped area (source {before['flipped']:.0%})")
     if after["overlap"] > before["overlap"] + SHARE_ROOM:

@@ -15,7 +15,7 @@ from mathutils import Matrix
 from test_completion import applied, half, mirrored, store_image
 
 from addon import character as characters
-from addon import command_line, figure, landmarks, mesh_read, notice, pair, stored_match
+from addon import command_line, figure, landmarks, mesh_read, morph, notice, pair, panels, stored_match
 from addon.job import MatchJob
 from addon.mesh_read import value_of
 from addon.mesh_write import read_attribute, read_places, write_attribute, write_places
@@ -817,6 +817,37 @@ def test_landmarks_lie_on_any_piece(two):
     bpy.ops.spectral_match.toggle_piece(piece=knight.eye.name)
     with pytest.raises(RuntimeError, match="is on 'Knight Eye', which is left out"):
         bpy.ops.spectral_match.match()
+
+
+def test_one_slider_morphs_all_meshes(two):
+    knight, mage = two
+    choose(knight.body, mage.body)
+    bpy.ops.spectral_match.match()
+    settings = bpy.context.scene.spectral_match
+    assert bpy.ops.spectral_match.morph() == {"FINISHED"}
+    modifiers = [morph.modifier_of(piece) for piece in mage.pieces]
+    assert len(modifiers) > 1 and all(modifiers) and settings.morph_factor == morph.AT_FIRST
+    settings.morph_factor = 0.25
+    settings.morph_in_place, settings.morph_wipe = False, True
+    for way, value in ((morph.FACTOR, 0.25), (morph.IN_PLACE, False), (morph.WIPE, True)):
+        assert {morph.value(modifier, way) for modifier in modifiers} == {value}
+    assert settings.morph_wipe and not settings.morph_in_place
+    assert bpy.ops.spectral_match.morph() == {"FINISHED"}
+    assert settings.morph_factor == 0.0 and not settings.morph_wipe
+
+
+def test_pieces_that_are_left_out_are_told_to_be_white(known):
+    knight, mage = known
+    found = pair.resolve(bpy.context)
+    assert not panels._leaves_white(found)
+    mage.shirt.spectral_match_part = "LEFT_OUT"
+    assert panels._leaves_white(pair.resolve(bpy.context))
+    mage.shirt.hide_set(True)
+    assert not panels._leaves_white(pair.resolve(bpy.context))
+    knight.shirt.data.color_attributes.new("match_color", "FLOAT_COLOR", "POINT")
+    knight.shirt.spectral_match_part = "LEFT_OUT"
+    # With the colors of an earlier match it is not white.
+    assert not panels._leaves_white(pair.resolve(bpy.context))
 
 
 def test_colours_are_those_of_the_whole_figure(known):

@@ -11,6 +11,7 @@ from test_transfer_kinds import photo
 
 from addon import notice, remedy
 from addon.mesh_write import read_attribute
+from addon.transfer import uv_maps
 from addon.transfer.layouts import own_maps, read_uv
 from addon.transfer.materials import OWN_SLOT
 
@@ -44,6 +45,14 @@ def test_a_map_of_the_target_stays_and_the_source_s_comes_beside_it(alike):
 def test_the_first_time_it_is_said(alike):
     transfer(alike.source, alike.target, kinds="uv")
     assert "UV map 'UVMap' of 'Target' stays" in notice.words and "as 'UVMap Source'" in notice.words
+
+
+def test_faults_of_a_map_are_told_where_something_is_seen_by_it(alike, monkeypatch):
+    monkeypatch.setattr(uv_maps, "STRETCH_ROOM", 0.0)
+    transfer(alike.source, alike.target, kinds="uv,textures")
+    assert notice.words and "stretched" not in notice.words
+    transfer(alike.source, alike.target, kinds="uv")
+    assert "UV map 'UVMap Source' on 'Target' is stretched 1.0 times as much" in notice.words
 
 
 def test_on_request_a_map_is_replaced(alike):

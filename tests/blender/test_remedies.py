@@ -11,7 +11,8 @@ from test_transfer import store_identity
 from test_translation import core_messages, messages, sentences
 
 from addon import drawing, landmarks, notice, remedy
-from addon.operators import step
+from addon.character import Character
+from addon.operators import remedies, step
 
 ALL = [each for each in vars(remedy).values() if isinstance(each, remedy.Remedy)]
 
@@ -125,6 +126,28 @@ def test_unwrapped_meshes_have_a_layout_without_overlap_beside_their_own(bodies,
     assert np.ptp(uv, axis=0).min() > 0.5 and uv.min() >= 0.0 and uv.max() <= 1.0
     assert source.data.uv_layers.keys() == ["Hers"]
     np.testing.assert_array_equal([place.vector[:] for place in source.data.uv_layers["Hers"].uv], before)
+
+
+def test_one_press_unwraps_all_meshes_of_a_character_that_have_no_layout(scene, monkeypatch):
+    """What is said of several meshes has the button too, and it is for all of them."""
+    source = new_object("Source", *lumpy(8))
+    source.data.uv_layers.new(name="UVMap")
+    pieces = [new_object(name, *lumpy(8)) for name in ("Body", "Left 'n Right", "Laid Out")]
+    for piece in pieces:
+        store_identity(source, piece)
+    pieces[2].data.uv_layers.new(name="Own")
+    assert bpy.ops.spectral_match.unwrap(name="Laid Out") == {"FINISHED"}
+    character = Character(pieces[0], tuple(pieces))
+    monkeypatch.setattr(remedies.pair, "matched", lambda _context: [character])
+    words = "'Body' and 1 more mesh has no UV map of its own to bake textures into. Unwrap it first"
+    assert remedy.remedies(words) == ((remedy.UNWRAP, "Body"),)
+    words = "Textures of 'Left 'n Right' and 3 more meshes are shown by the source's UV map, which they fit"
+    assert remedy.remedies(words) == ((remedy.UNWRAP, "Left 'n Right"),)
+    assert bpy.ops.spectral_match.unwrap(name="Left 'n Right") == {"FINISHED"}
+    assert [piece.data.uv_layers.keys() for piece in pieces] == [["UVMap"], ["UVMap"], ["Own", "UVMap"]]
+    for piece in pieces[:2]:
+        uv = np.array([place.vector[:] for place in piece.data.uv_layers["UVMap"].uv])
+        assert np.ptp(uv, axis=0).min() > 0.5
 
 
 def test_outdated_landmarks_go_and_others_stay(bodies):

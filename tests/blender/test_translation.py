@@ -48,7 +48,11 @@ def texts_of(call):
 def texts():
     """All texts of panels, buttons, settings and of what is said while a match runs."""
     found = set(wording.GRADES.values()) | {wording.NEARLY_GOOD, panels.SWAPPED, panels.SWAP_BACK}
-    found |= {words for _, words in wording.PLAIN if words} | set(panels.ADVICE.values()) | {panels.LEGEND}
+    found |= (
+        {words for _, words in wording.PLAIN if words}
+        | set(panels.ADVICE.values())
+        | {panels.LEGEND, panels.WHITE}
+    )
     found |= set(job.STAGE_WORDS.values())
     found |= {each.label for each in vars(remedy).values() if isinstance(each, remedy.Remedy)}
     for kind in KINDS:

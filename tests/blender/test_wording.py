@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from addon import wording
+from addon.message_table import MESSAGES
 
 CORE = Path(__file__).parents[2] / "rust" / "core" / "src"
 # The measures by which the core judges are no words for the panel.
@@ -43,6 +44,17 @@ def test_reasons_are_plain(reason):
 )
 def test_good_never_stands_beside_doubts(grade, reasons, confidence, words):
     assert wording.verdict(grade, reasons, confidence) == words
+
+
+@pytest.mark.parametrize("sign", wording.TOLD)
+def test_what_tells_how_a_transfer_was_done_is_said_somewhere(sign):
+    assert any(sign in row[0] for row in MESSAGES)
+
+
+def test_what_needs_a_look_is_apart_from_what_tells_how_it_was_done():
+    look = ["'Head' has no UV map of its own to bake textures into. Unwrap it first"]
+    told = ["UV map 'A' of 'Head' stays; that of 'Knight' came beside it as 'B'"]
+    assert wording.notes_in_order([*told, *look]) == (look, told)
 
 
 def test_figures_of_the_core_s_own_measures_are_left_out():
