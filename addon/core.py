@@ -4,6 +4,8 @@
 import importlib
 from types import ModuleType
 
+from . import wording
+
 
 class CoreMissingError(Exception):
     """The core cannot be imported; the text says why and what to do."""
@@ -22,7 +24,7 @@ def load() -> ModuleType:
 
 
 def explain(error: Exception) -> str:
-    """Words for an exception out of a match: the core's own are for people, others name their kind."""
+    """Words for an exception out of a match: the core's own in plain words, others name their kind."""
     if isinstance(error, CoreMissingError) or isinstance(error, load().SgmdsError):
-        return str(error)
+        return wording.failure(str(error))
     return f"The match stopped with an unexpected error ({type(error).__name__}: {error}). Please report it"

@@ -540,11 +540,11 @@ MESSAGES = (
     (
         "UV map '{}' of '{}' overlaps: {} of it is used more than once, and shows the same texels "
         "there. That is right "
-        "for halves that look alike; for others unwrap into another UV map and choose it in Textures",
+        "for halves that look alike. If others look wrong, unwrap anew and transfer again",
         "'{1}' の UVマップ '{0}' が重なっています({2} が重複)。左右同じ絵なら問題ありません。"
-        "そうでなければ別の UVマップに展開し、「テクスチャ」で選んでください",
-        "'{1}' 的 UV 贴图 '{0}' 有重叠:{2} 被多次使用,显示相同像素。左右相同时没有问题;否则请展开到另一 "
-        "UV 贴图并在“纹理”中选择",
+        "見た目がおかしければ展開し直し、再転送してください",
+        "'{1}' 的 UV 贴图 '{0}' 有重叠:{2} 被多次使用,显示相同像素。左右相同时没有问题;若看起来不对,"
+        "请重新展开并再次传递",
     ),
     (
         "Materials of '{}' overlap in UV map '{}': each of them got images of its own ({})",
@@ -918,6 +918,53 @@ MESSAGES = (
         "the equations could not be set up ({}): close other programs, or simplify the mesh",
         "計算の準備ができません({})。ほかのプログラムを終了するか、メッシュを簡略化してください",
         "无法建立方程({})。请关闭其他程序,或简化网格",
+    ),
+    (
+        "the surface could not be measured ({}): merge vertices that lie on top of each other and dissolve "
+        "needle triangles",
+        "表面を計測できません({})。重なった頂点を統合し、針状の三角形を溶解してください",
+        "无法测量曲面({})。请合并重叠的顶点并融并针状三角面",
+    ),
+    (
+        "the distances on a surface could not be measured ({}): merge vertices that lie on top of each other "
+        "and dissolve needle triangles",
+        "表面上の距離を計測できません({})。重なった頂点を統合し、針状の三角形を溶解してください",
+        "无法测量曲面上的距离({})。请合并重叠的顶点并融并针状三角面",
+    ),
+    (
+        "there was no room for the computation ({}): close other programs, or simplify the mesh",
+        "計算のためのメモリがありません({})。ほかのプログラムを終了するか、メッシュを簡略化してください",
+        "没有足够的内存进行计算({})。请关闭其他程序,或简化网格",
+    ),
+    (
+        "the shape could not be measured: clean up needle triangles",
+        "形を計測できません。針状の三角形を整理してください",
+        "无法测量形状。请清理针状三角面",
+    ),
+    (
+        "each map found is mirrored. If one shape is a mirror image of the other, allow mirrored maps",
+        "見つかったマップはすべて鏡像です。鏡像同士なら「ミラーマッチを許可」してください",
+        "找到的映射都是镜像;若互为镜像,请允许镜像匹配",
+    ),
+    (
+        "no map holds together. Check scale and holes of the meshes",
+        "まとまるマップがありません。メッシュのスケールと穴を確認してください",
+        "没有连贯的映射。请检查网格的缩放和孔洞",
+    ),
+    (
+        "no map was convincing. Add landmarks on hands, feet and head",
+        "確かなマップがありません。手・足・頭にランドマークを置いてください",
+        "没有可信的映射。请在手、脚和头上添加标志点",
+    ),
+    (
+        "a vertex has a coordinate that is not finite: remove or repair it",
+        "座標が有限の数でない頂点があります。削除するか直してください",
+        "有顶点的坐标不是有限数。请删除或修复",
+    ),
+    (
+        "a face has a vertex that is not there: repair the mesh",
+        "存在しない頂点を持つ面があります。メッシュを直してください",
+        "有面引用了不存在的顶点。请修复网格",
     ),
     (
         "{} of {} eigenpairs converged (largest residual {}): ask for fewer, or clean up needle triangles",

@@ -35,8 +35,8 @@ ADVICE = {
     "red": "Try the other maps, then landmarks on hands, feet and head",
 }
 SWAP_BACK = "Press Swap Left and Right again to go back"
-LEGEND = "Equal colors belong together. Left and right have other hues"
-WHITE = "White pieces are left out"
+LEGEND = "Equal colors match. Left and right differ in hue"
+WHITE = "White is left out"
 # More results than these are listed a line each.
 MOST_BOXES = 3
 # Pieces of a character that are listed without scrolling.
@@ -381,12 +381,14 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         column.operator(
             "spectral_match.follow_pointer", icon="RESTRICT_SELECT_OFF", depress=overlay.partners is not None
         )
+        legend = []
         if now == "COLOURS":
-            draw_words(context, layout, LEGEND, dim=True)
-        if now != "NOTHING" and _leaves_white(pair.shown(context)):
-            draw_words(context, layout, WHITE, dim=True)
+            legend.append(said(LEGEND))
         if now == "CONFIDENCE" or overlay.lines_shown():
-            draw_words(context, layout, "Blue is sure, yellow is doubtful", dim=True)
+            legend.append(said("Blue is sure, yellow is doubtful"))
+        if now != "NOTHING" and _leaves_white(pair.shown(context)):
+            legend.append(said(WHITE))
+        draw_words(context, layout, said(". ").join(legend), dim=True)
         if morph.is_whole(modifier):
             settings = context.scene.spectral_match
             morphing = layout.column(align=True)

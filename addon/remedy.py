@@ -39,6 +39,7 @@ TAKE = Remedy("Let It Take Part", "spectral_match.toggle_piece", "CHECKBOX_HLT",
 SHOW = Remedy("Show It", "spectral_match.show_object", "HIDE_OFF", named="name")
 SCALE = Remedy("Set Its Scale to 1", "spectral_match.unit_scale", "FULLSCREEN_ENTER", named="name")
 UNWRAP = Remedy("Unwrap It", "spectral_match.unwrap", "UV", named="name")
+UNWRAP_ANEW = Remedy("Unwrap Anew", "spectral_match.unwrap", "UV", (("overlapping", True),), named="name")
 LOCAL = Remedy("Make Selected Local", "object.make_local", "LINKED", (("type", "SELECT_OBDATA"),))
 REAL = Remedy("Make Instances Real", "object.duplicates_make_real", "OUTLINER_OB_MESH")
 LEAVE_MODE = Remedy("Object Mode", "object.mode_set", "OBJECT_DATAMODE", (("mode", "OBJECT"),))
@@ -65,6 +66,7 @@ TABLE = (
         rf"|^Textures of '(.*?)'{MORE} are shown by the source's UV map",
         UNWRAP,
     ),
+    (rf"^UV map '.*?' of '(.*?)'{MORE} overlaps: ", UNWRAP_ANEW),
     (r"Make Local >", LOCAL),
     (r"Make Instances Real", REAL),
     (r"Leave Sculpt Mode first|Use Object Mode first", LEAVE_MODE),

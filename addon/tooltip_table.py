@@ -558,9 +558,9 @@ TOOLTIPS = (
         "将此物体缩放为 0 的各轴设为 1",
     ),
     (
-        "Give this mesh, and others of its character without one, a UV map of its own by Smart UV Project",
-        "スマートUV投影で、このメッシュと、同じキャラクターの UVマップのないメッシュに UVマップを追加します",
-        "用智能 UV 投射为此网格及同一角色中没有 UV 贴图的网格添加自己的 UV 贴图",
+        "Give this mesh, and others of its character in need of one, a new UV map by Smart UV Project",
+        "スマートUV投影で、このメッシュと、同じキャラクターで必要なメッシュに新しい UVマップを追加します",
+        "用智能 UV 投射为此网格及同一角色中需要的网格添加新的 UV 贴图",
     ),
     (
         "Remove the landmarks of this pair whose mesh got other vertices since they were picked",

@@ -110,11 +110,11 @@ def _draw_kind(layout, settings, kind, names):
         return
     box = layout.box().column()
     box.active = getattr(settings, use)
-    if kind.options:
+    if kind.shown:
         options = box.column()
         options.use_property_split = True
         options.use_property_decorate = False
-        for name in kind.options:
+        for name in kind.shown:
             options.prop(settings, name)
     _draw_items(box.column(align=True), settings, kind, names)
 

@@ -170,11 +170,13 @@ TABLE = (
     ("Partner Under Pointer", "ポインター下の対応点", "指针处的对应点"),
     ("Blue is sure, yellow is doubtful", "青は確実、黄は不確実", "蓝色可靠,黄色存疑"),
     (
-        "Equal colors belong together. Left and right have other hues",
+        "Equal colors match. Left and right differ in hue",
         "同じ色が対応します。左右は色相が異なります",
         "相同颜色互相对应,左右色相不同",
     ),
-    ("White pieces are left out", "白いパーツは除外されています", "白色部件已排除"),
+    ("White is left out", "白は除外です", "白色已排除"),
+    # Between two sentences.
+    (". ", "。", "。"),
     # Fix.
     (
         "Nothing to do, unless you see something wrong",
@@ -221,6 +223,7 @@ TABLE = (
     ("Show It", "表示する", "显示它"),
     ("Set Its Scale to 1", "スケールを 1 にする", "将缩放设为 1"),
     ("Unwrap It", "展開する", "展开它"),
+    ("Unwrap Anew", "展開し直す", "重新展开"),
     ("Make Selected Local", "選択物をローカル化", "本地化所选项"),
     ("Make Instances Real", "インスタンスを実体化", "使实例独立"),
     ("Object Mode", "オブジェクトモード", "物体模式"),

@@ -62,6 +62,45 @@ def plain(reasons: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+# What the core says of a failure in its own terms, and an artist's words for it.
+FAILURES = (
+    (r"the Laplace operator could not be factorised", "the surface could not be measured"),
+    (
+        r"the distances on a surface could not be expressed in its eigenfunctions",
+        "the distances on a surface could not be measured",
+    ),
+    (r"the equations could not be set up", "there was no room for the computation"),
+    (
+        r"\S+ of \S+ eigenpairs converged \([^)]*\): ask for fewer, or clean up needle triangles",
+        "the shape could not be measured: clean up needle triangles",
+    ),
+    (
+        r"every candidate is mirrored; if one shape is a mirror image, allow that",
+        "each map found is mirrored. If one shape is a mirror image of the other, allow mirrored maps",
+    ),
+    (
+        r"no candidate has a finite distortion; check the shapes' scale and holes",
+        "no map holds together. Check scale and holes of the meshes",
+    ),
+    (r"no candidate stood in the vote", "no map was convincing. Add landmarks on hands, feet and head"),
+    (
+        r"vertex \d+ has a coordinate that is not finite: remove or repair that vertex",
+        "a vertex has a coordinate that is not finite: remove or repair it",
+    ),
+    (
+        r"face \d+ refers to vertex \d+, but there are \d+ vertices \([^)]*\): repair the face list",
+        "a face has a vertex that is not there: repair the mesh",
+    ),
+)
+
+
+def failure(words: str) -> str:
+    """Words of the core on why something failed, in plain ones; others stay."""
+    for sign, plain_words in FAILURES:
+        words = re.sub(sign, plain_words, words)
+    return words
+
+
 def notes_in_order(notes: Iterable[str]) -> tuple[list[str], list[str]]:
     """Notes on a transfer: those that need a look, and those that tell how it was done."""
     look: list[str] = []

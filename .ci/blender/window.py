@@ -22,6 +22,9 @@ HEADERS = range(22, 96, 10)
 # Above it is the tab's own header.
 FIRST_ROW = 36
 
+# Function keys by their codes: for their names other keys would be pressed too.
+FUNCTION_KEYS = {f"F{number}": str(66 + number) for number in range(1, 11)}
+
 # Where buttons were seen last: share of the width → command → pixels from the sidebar's top.
 _seen = {}
 
@@ -130,7 +133,7 @@ def click(x, y, button=1):
 
 
 def key(*names):
-    subprocess.run(["xdotool", "key", *names], check=True)
+    subprocess.run(["xdotool", "key", *(FUNCTION_KEYS.get(name, name) for name in names)], check=True)
 
 
 def _command_at(share, row):

@@ -34,8 +34,9 @@ def carry(context, source, targets, options, chosen):
             try:
                 brought.add((yield from carry_all(together, given.name, options, chosen)))
             except core.load().SgmdsError as reason:
+                why = core.explain(reason)
                 raise UnusableObjectError(
-                    f"Nothing was carried from '{given.label}' to '{together[0].name}': {reason}"
+                    f"Nothing was carried from '{given.label}' to '{together[0].name}': {why}"
                 ) from reason
     return brought
 

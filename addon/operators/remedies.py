@@ -3,13 +3,14 @@
 
 import bpy
 import numpy as np
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator
 
 from .. import landmarks, mesh_read, mesh_write, pair
 from ..mesh_read import UnusableObjectError
 from ..transfer import others
 from ..transfer.layouts import own_maps
+from ..transfer.sheets import overlaps
 from .step import Step
 
 # Between islands, as a share of the square: eight texels of an image 2048 wide, the margin that is baked.
@@ -71,14 +72,18 @@ class SPECTRAL_MATCH_OT_unit_scale(OnObject, Operator):
 
 
 class SPECTRAL_MATCH_OT_unwrap(OnObject, Operator):
-    """Give this mesh, and others of its character without one, a UV map of its own by Smart UV Project"""
+    """Give this mesh, and others of its character in need of one, a new UV map by Smart UV Project"""
 
     bl_idname = "spectral_match.unwrap"
     bl_label = "Unwrap It"
 
+    # Whether those are in need whose own map overlaps, instead of those that have none.
+    overlapping: BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+
     def act_on(self, obj, context):
         objects = context.view_layer.objects
-        bare = [obj, *(each for each in _matched_with(obj, context) if not own_maps(each.data))]
+        in_need = self._overlaps if self.overlapping else self._is_bare
+        bare = [obj, *filter(in_need, _matched_with(obj, context))]
         for each in bare:
             if each.name not in objects or not each.visible_get():
                 raise UnusableObjectError(f"'{each.name}' is hidden. Show it to unwrap it")
@@ -106,6 +111,15 @@ class SPECTRAL_MATCH_OT_unwrap(OnObject, Operator):
                     each.select_set(True)
         who = f"'{obj.name}'{others(len(bare) - 1)}"
         self.tell({"INFO"}, f"{who} got the UV map '{name}'. Transfer again to bake into it")
+
+    @staticmethod
+    def _is_bare(obj):
+        return not own_maps(obj.data)
+
+    @staticmethod
+    def _overlaps(obj):
+        own, active = own_maps(obj.data), obj.data.uv_layers.active
+        return bool(own) and overlaps(obj.data, active.name if active.name in own else own[0])
 
 
 def _matched_with(obj, context):

@@ -341,4 +341,5 @@ KIND = Kind(
         ),
     },
     words=("rig",),
+    borrowed=("own_rig",),
 )

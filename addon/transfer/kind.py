@@ -36,7 +36,8 @@ class Kind:
     `identifier` names it in scripts and, after `use_` or `open_`, in settings. `names(source)` lists what the
     source object has of it. `prepare(route, names, options)` reads that, carries it along the route and
     returns a `Prepared`; it changes nothing and raises `UnusableObjectError` when something is wrong.
-    `options` are its bpy properties by name, in the order in which a panel shows them.
+    `options` are its bpy properties by name, in the order in which a panel shows them; `borrowed` names some
+    of other kinds that concern this one too, which a panel shows before them.
     """
 
     identifier: str
@@ -49,6 +50,12 @@ class Kind:
     default: bool = True
     # One and many of its items, in the summary of a transfer; one word alone is not counted.
     words: tuple = ()
+    borrowed: tuple = ()
+
+    @property
+    def shown(self):
+        """Names of the options that a panel shows."""
+        return (*self.borrowed, *self.options)
 
     def counted(self, many):
         """Words such as "41 groups"."""

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .. import core
+from .. import core, mesh_read
 from .layouts import finite_uv
 from .listed import listed
 from .materials import own_slots
@@ -57,6 +57,13 @@ def sheets(route, uv, used):
     return apart, notes + ([_shared(target, uv, max(parts))] if max(parts) > OVERLAP else [])
 
 
+def overlaps(mesh, uv):
+    """Whether parts of a mesh lie over each other in its UV map of this name."""
+    corners, _ = mesh_read.triangle_corners(mesh)
+    points = mesh_read.positions(mesh)[mesh_read.corner_vertices(mesh)[corners]]
+    return core.load().judge_layout(points, finite_uv(mesh, uv)[corners])["overlap"] > OVERLAP
+
+
 def _overlap(route, uv, used):
     """Share of the texels covered by these triangles that more than one of them covers."""
     if not used.any():
@@ -68,8 +75,8 @@ def _overlap(route, uv, used):
 def _shared(target, uv, overlap):
     return (
         f"UV map '{uv}' of '{target.name}' overlaps: {overlap:.0%} of it is used more than once, and shows "
-        "the same texels there. That is right for halves that look alike; for others unwrap into another UV "
-        "map and choose it in Textures"
+        "the same texels there. That is right for halves that look alike. If others look wrong, unwrap anew "
+        "and transfer again"
     )
 
 

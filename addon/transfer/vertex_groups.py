@@ -122,7 +122,7 @@ def _replaced(route, written, options):
     own = own_modifiers(route) if route.wanted.get("armature") and not keeps_rig(route, options) else []
     present, kept = target.vertex_groups, {}
     for rig in dict.fromkeys(modifier.object for modifier in own):
-        for name in {bone.name for bone in rig.data.bones} & set(written):
+        for name in (bone.name for bone in rig.data.bones if bone.name in written):
             if name in present and kept_name(name, rig) not in present:
                 kept.setdefault(name, kept_name(name, rig))
     if not kept:

@@ -124,6 +124,22 @@ def test_an_unwrapped_target_is_baked_to(body):
     assert remedy.UNWRAP not in dict(remedy.remedies(notice.words))
 
 
+def test_an_overlapping_layout_is_unwrapped_anew(body):
+    """A palette: all faces lie on one square, where they cannot show what they should."""
+    layer = body.target.data.uv_layers["Own"]
+    square = np.resize([[0.1, 0.1], [0.9, 0.1], [0.5, 0.9]], (len(body.target.data.loops), 2))
+    layer.uv.foreach_set("vector", square.astype(np.float32).ravel())
+    transfer(body.source, body.target)
+    assert body.likeness() < SAME / 2
+    ((known, name),) = remedy.remedies(notice.words)
+    assert (known, name) == (remedy.UNWRAP_ANEW, "Target")
+    assert bpy.ops.spectral_match.unwrap(name=name, **dict(known.properties)) == {"FINISHED"}
+    assert body.target.data.uv_layers.active.name == "UVMap.001"
+    transfer(body.source, body.target)
+    assert remedy.remedies(notice.words) == () and body.likeness() > FINER
+    assert read_uv(body.target.data, "Own") == pytest.approx(square)
+
+
 def test_which_face_had_which_material_is_kept(scene):
     vertices, faces = lumpy(6)
     source, target = new_object("Source", vertices, faces), new_object("Target", vertices, faces)

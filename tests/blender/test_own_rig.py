@@ -10,6 +10,7 @@ from test_transfer import store_identity, transfer
 from test_weights import give, rig_of, table_of
 
 from addon import character, notice
+from addon.transfer import KINDS
 
 
 def renamed(name):
@@ -95,6 +96,24 @@ def test_groups_of_both_rigs_are_kept_beside_the_new_ones(figures):
         transfer(source.obj, target.obj, kinds="groups,armature")
         np.testing.assert_array_equal(table_of(target.obj, "hips (Own)"), before)
     np.testing.assert_allclose(table_of(target.obj, *target.made.body.names).sum(axis=1), 1.0, atol=1e-3)
+
+
+def test_groups_that_are_kept_are_named_in_the_order_of_the_bones(figures):
+    source, target, rig, own = figures
+    for bone in own.data.bones:
+        bone.name = bone.name.removeprefix("b_")
+    transfer(source.obj, target.obj, kinds="groups,armature")
+    shared = [bone.name for bone in own.data.bones if bone.name in rig.data.bones]
+    assert len(shared) > 5
+    assert f"are kept: {', '.join(f'{name} (Own)' for name in shared[:5])} and " in notice.words
+
+
+def test_the_choice_is_where_weights_are_and_where_rigs_are():
+    shown = {kind.identifier for kind in KINDS if "own_rig" in kind.shown}
+    assert shown == {"groups", "armature"}
+    for kind in KINDS:
+        others = {name for other in KINDS if other != kind for name in other.options}
+        assert set(kind.borrowed) <= others and not set(kind.borrowed) & set(kind.options)
 
 
 def test_replacing_is_one_undo_step(figures):

@@ -5,6 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
+from test_translation import core_messages
 
 from addon import wording
 from addon.message_table import MESSAGES
@@ -55,6 +56,17 @@ def test_what_needs_a_look_is_apart_from_what_tells_how_it_was_done():
     look = ["'Head' has no UV map of its own to bake textures into. Unwrap it first"]
     told = ["UV map 'A' of 'Head' stays; that of 'Knight' came beside it as 'B'"]
     assert wording.notes_in_order([*told, *look]) == (look, told)
+
+
+@pytest.mark.parametrize("words", sorted(set(core_messages()) - set(core_messages("matching", "figure"))))
+def test_failures_are_plain(words):
+    """With figures for its values; a name of a vertex tells an artist nothing."""
+    plain = wording.failure(words.replace("{}", "12"))
+    terms = "eigen|√|correlation|Laplac|factoris|residual|candidate|vote|distortion|equation"
+    assert not re.search(rf"{terms}|(vertex|face) 12", plain, re.IGNORECASE), plain
+    if plain != words.replace("{}", "12"):
+        shown = re.sub(r"\b12\b", "{}", plain)
+        assert any(row[0].lower().endswith(shown.rpartition(": {}: ")[2].lower()) for row in MESSAGES)
 
 
 def test_figures_of_the_core_s_own_measures_are_left_out():
