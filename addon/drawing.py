@@ -49,6 +49,14 @@ def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, be
         )
 
 
+def draw_option(layout, settings, name, **how):
+    """A setting, its label in the left half; a check box has all of the row, not the right half alone."""
+    row = layout.row()
+    if settings.bl_rna.properties[name].type == "BOOLEAN":
+        row.use_property_split = False
+    row.prop(settings, name, **how)
+
+
 def fold(layout, settings, opened, text):
     """A line with an arrow, which shows or hides what follows."""
     row = layout.row()

@@ -50,9 +50,8 @@ def pages():
 def draw_links(layout):
     """Buttons to the manual and to the page for reports; none where the zip names no website."""
     if website():
-        row = layout.row(align=True)
-        row.operator("wm.url_open", text="Documentation", icon="HELP").url = f"{website()}index.html"
-        row.operator("wm.url_open", text="Report a Bug", icon="URL").url = f"{website()}report.html"
+        layout.operator("wm.url_open", text="Documentation", icon="HELP").url = f"{website()}index.html"
+        layout.operator("wm.url_open", text="Report a Bug", icon="URL").url = f"{website()}report.html"
 
 
 def register():

@@ -19,10 +19,10 @@ from . import (
     transfer_panel,
     wording,
 )
-from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_words, fold
+from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_option, draw_words, fold
 from .operators import pick, show
 from .operators.outfit import wearer_of
-from .operators.settings import PRESETS, SPECTRAL_MATCH_MT_presets
+from .operators.settings import PRESETS, SPECTRAL_MATCH_MT_presets, path_menu, shown_name
 from .outfit import live, wardrobe
 from .translation import OWN_CONTEXT, said
 
@@ -72,6 +72,7 @@ class VIEW3D_PT_spectral_match_presets(PresetPanel, Panel):
     preset_subdir = PRESETS
     preset_operator = "script.execute_preset"
     preset_add_operator = "spectral_match.add_preset"
+    path_menu = path_menu
 
     def draw(self, context):
         super().draw(context)
@@ -281,11 +282,8 @@ class VIEW3D_PT_spectral_match_options(SubPanel, Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         settings = context.scene.spectral_match
-        layout.prop(settings, "whole_characters")
-        layout.prop(settings, "shape")
-        layout.prop(settings, "part")
-        layout.prop(settings, "allow_mirror")
-        layout.prop(settings, "same_axes")
+        for name in ("whole_characters", "shape", "part", "allow_mirror", "same_axes"):
+            draw_option(layout, settings, name)
 
 
 class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
@@ -493,8 +491,8 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         column.use_property_decorate = False
         column.prop(settings, "outfit_distance")
         column.prop(settings, "outfit_tightness", slider=True)
-        column.prop(settings, "outfit_body_keys")
-        column.prop(settings, "outfit_hide")
+        draw_option(column, settings, "outfit_body_keys")
+        draw_option(column, settings, "outfit_hide")
         row = layout.row()
         row.scale_y = BIG
         row.operator("spectral_match.fit_outfit", icon="MOD_CLOTH")
@@ -549,7 +547,8 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
         source = pair.shown(context).source
         if source is not None and count and not pair.matched(context):
             # After a match the panel Transfer shows it.
-            layout.menu("SPECTRAL_MATCH_MT_presets", text=SPECTRAL_MATCH_MT_presets.bl_label)
+            label = shown_name(SPECTRAL_MATCH_MT_presets.bl_label)
+            layout.menu("SPECTRAL_MATCH_MT_presets", text=label, translate=False)
             transfer_panel.draw_kinds(layout, context.scene.spectral_match, source.pieces)
 
 

@@ -5,8 +5,8 @@ from bpy.types import Panel
 
 from . import notice, pair, remedy, stored_match, wording
 from .character import is_there
-from .drawing import BIG, MatchedSubPanel, draw_words, fold
-from .operators.settings import SPECTRAL_MATCH_MT_presets
+from .drawing import BIG, MatchedSubPanel, draw_option, draw_words, fold
+from .operators.settings import SPECTRAL_MATCH_MT_presets, shown_name
 from .transfer import KINDS, names_of
 from .translation import OWN_CONTEXT, said
 
@@ -36,7 +36,8 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         row.operator("spectral_match.transfer", icon="IMPORT")
         if notice.done:
             self._draw_done(context, layout.box().column(), settings)
-        layout.menu("SPECTRAL_MATCH_MT_presets", text=SPECTRAL_MATCH_MT_presets.bl_label)
+        label = shown_name(SPECTRAL_MATCH_MT_presets.bl_label)
+        layout.menu("SPECTRAL_MATCH_MT_presets", text=label, translate=False)
         draw_kinds(layout, settings, sources)
 
     @staticmethod
@@ -115,7 +116,7 @@ def _draw_kind(layout, settings, kind, names):
         options.use_property_split = True
         options.use_property_decorate = False
         for name in kind.shown:
-            options.prop(settings, name)
+            draw_option(options, settings, name)
     _draw_items(box.column(align=True), settings, kind, names)
 
 

@@ -459,7 +459,7 @@ def adjust(target, done, what):
     x, y = window.point("WINDOW", 300, 300)
     window.pointer(x, y)
     window.key("F9")
-    yield 1.5
+    yield 3.0
     window.picture("15_adjust")
     groups = len(target().vertex_groups)
     for down in range(12, 400, 8):
@@ -470,9 +470,10 @@ def adjust(target, done, what):
         if len(target().vertex_groups) != groups:
             window.click(x + 9, y + down)
             yield from window.until(lambda: len(target().vertex_groups) == groups, "what was switched off")
+    yield 2.0
     window.picture("15_adjusted")
     assert done(), what
-    window.pointer(*window.point("WINDOW", 420, 40))
+    window.key("Escape")
     yield 1.0
 
 

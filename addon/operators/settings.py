@@ -10,7 +10,7 @@ from bpy.types import Menu, Operator
 from .. import preferences, prepared
 from ..mesh_read import UnusableObjectError
 from ..transfer import TransferChoice, TransferOptions
-from ..translation import spoken
+from ..translation import OWN_CONTEXT, spoken
 from .step import Step
 
 FOLDER = Path(__file__).resolve().parents[1]
@@ -27,11 +27,36 @@ PRESET_NAMES = (
 )
 
 
+def shown_name(name):
+    """The name of a preset, or of their menu, in the language of the interface.
+
+    Blender itself would take Face for one of a mesh.
+    """
+    return bpy.app.translations.pgettext_iface(name, OWN_CONTEXT)
+
+
+def shipped():
+    """Names of the presets that come with the extension, by what they are called in the interface."""
+    names = [bpy.path.display_name(path.name) for path in (FOLDER / "presets" / PRESETS).glob("*.py")]
+    return {shown_name(name): name for name in names}
+
+
+def _name_of(path):
+    name = bpy.path.display_name(path, title_case=False)
+    return shown_name(name) if Path(path).is_relative_to(FOLDER) else name
+
+
+def path_menu(menu, paths, operator, **keywords):
+    """As Blender fills a menu or panel of presets, with our names."""
+    Menu.path_menu(menu, paths, operator, **{**keywords, "display_name": _name_of})
+
+
 class SPECTRAL_MATCH_MT_presets(Menu):
     bl_label = "Presets"
     preset_subdir = PRESETS
     preset_operator = "script.execute_preset"
     draw = Menu.draw_preset
+    path_menu = path_menu
 
 
 class SPECTRAL_MATCH_OT_add_preset(AddPresetBase, Operator):
@@ -45,6 +70,7 @@ class SPECTRAL_MATCH_OT_add_preset(AddPresetBase, Operator):
     preset_values = [f"settings.{name}" for name in PRESET_NAMES]
 
     def execute(self, context):
+        self.name = shipped().get(self.name, self.name)
         removed = bpy.utils.preset_find(self.name, PRESETS, display_name=True)
         if (self.remove_name or self.remove_active) and removed and Path(removed).is_relative_to(FOLDER):
             self.report({"ERROR"}, spoken(f"The preset '{self.name}' comes with the extension and stays"))

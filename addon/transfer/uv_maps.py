@@ -141,7 +141,7 @@ KIND = Kind(
             "stay, and the source's come beside them",
         ),
         "split_bare": BoolProperty(
-            name="Split Where Not Unwrapped",
+            name="Split If No UV Map",
             default=True,
             description="Cut the faces of a target that has no UV map of its own where a seam of the source "
             "runs through them, so that textures fit. Off: its topology stays",

@@ -208,7 +208,7 @@ KIND = Kind(
             name="Limit Total", default=False, description="Keep only the strongest weights of each vertex"
         ),
         "limit": IntProperty(
-            name="Weights per Vertex", default=4, min=1, soft_max=8, description="Game engines usually take 4"
+            name="Max Weights", default=4, min=1, soft_max=8, description="Game engines usually take 4"
         ),
         "normalize": BoolProperty(
             name="Normalize",
@@ -231,7 +231,7 @@ KIND = Kind(
             "so that they sum to 1. Locked groups stay",
         ),
         "own_rig": EnumProperty(
-            name="Rig of the Target",
+            name="Target's Rig",
             items=(
                 (AUTO, "Automatic", "Replaced where Armature is carried, else kept"),
                 (

@@ -9,7 +9,8 @@ import pytest
 import sgmds
 from conftest import lumpy
 
-from addon import prepared
+from addon import panels, prepared
+from addon.operators import settings as setting
 from addon.operators.settings import PRESET_NAMES
 
 PRESETS = sorted((Path(__file__).parents[2] / "addon" / "presets" / "spectral_match").glob("*.py"))
@@ -49,6 +50,19 @@ def made(monkeypatch):
     monkeypatch.setattr(sgmds.Shape, "__init__", counted)
     yield count
     prepared.forget()
+
+
+def test_shipped_presets_have_names_in_other_languages(registered, monkeypatch):
+    """By our own table: in Blender's, Face is one of a mesh. Presets of the user's are called as they are."""
+    monkeypatch.setattr(setting, "shown_name", {"Face": "Kao"}.get)
+    given = {}
+    monkeypatch.setattr(setting.Menu, "path_menu", lambda *_, **keywords: given.update(keywords))
+    for shown in (setting.SPECTRAL_MATCH_MT_presets, panels.VIEW3D_PT_spectral_match_presets):
+        given.clear()
+        shown.path_menu(None, [], "", display_name=None)
+        assert given["display_name"](str(setting.FOLDER / "presets" / "spectral_match" / "Face.py")) == "Kao"
+        assert given["display_name"]("/home/artist/Face.py") == "Face"
+    assert setting.shipped()["Kao"] == "Face"
 
 
 def test_the_same_mesh_is_prepared_once(made):

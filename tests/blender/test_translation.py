@@ -13,6 +13,7 @@ import pytest
 from addon import job, panels, remedy, wording
 from addon.drawing import wrapped
 from addon.message_table import MESSAGES
+from addon.operators import settings
 from addon.tooltip_table import TOOLTIPS
 from addon.transfer import KINDS
 from addon.translation import CONTEXTS, LANGUAGES, ROWS, said, spoken
@@ -53,7 +54,7 @@ def texts():
         | set(panels.ADVICE.values())
         | {panels.LEGEND, panels.WHITE}
     )
-    found |= set(job.STAGE_WORDS.values())
+    found |= set(job.STAGE_WORDS.values()) | set(settings.shipped().values())
     found |= {each.label for each in vars(remedy).values() if isinstance(each, remedy.Remedy)}
     for kind in KINDS:
         found |= set(kind.words) if len(kind.words) == 1 else {f"{{}} {word}" for word in kind.words}
@@ -64,6 +65,28 @@ def texts():
             elif isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "bl_label":
                 found.add(constant(node.value))
     return {words for words in found if any(sign.isalpha() for sign in words)}
+
+
+# Columns of its left half, in which the labels of settings are.
+LEFT_HALF = 14
+# Settings that panels show there, beside those of each kind of data.
+IN_PANELS = ("shape", "part", "outfit_distance", "outfit_tightness")
+
+
+def labels():
+    """Names of settings in English, and whether they are check boxes."""
+    known = bpy.context.scene.spectral_match.bl_rna.properties
+    names = {name for kind in KINDS for name in kind.shown} | {*IN_PANELS, "allow_mirror", "same_axes"}
+    return {(known[name].name, known[name].type == "BOOLEAN") for name in names}
+
+
+def test_labels_fit_the_default_sidebar(registered):
+    rows = {row[0]: row for row in ROWS}
+    found = labels()
+    assert len(found) > 25
+    for name, is_check in found:
+        for words in rows.get(name, (name,)):
+            assert width(words) <= (WIDEST if is_check else LEFT_HALF), words
 
 
 def width(words):
