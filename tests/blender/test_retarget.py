@@ -55,6 +55,30 @@ def test_limbs_point_as_the_source_s(scene, poses, scale, y_up):
     assert np.cbrt(own.matrix_world.determinant()) == pytest.approx(scale, rel=1e-5)
 
 
+def test_a_rig_as_mixamo_s_moves_on_five_targets(scene):
+    """A hundredth in size, y up, by its names, one bone with a constraint that looks at another."""
+    source = Figure("Source", pose="T")
+    rig = source.rigged(0.01, y_up=True)
+    walk(rig)
+    for bone in rig.data.bones:
+        name, _, side = bone.name.partition(".")
+        bone.name = f"mixamorig:{ {'L': 'Left', 'R': 'Right'}.get(side, '') }{name.title()}"
+    looking = rig.pose.bones["mixamorig:Head"].constraints.new("COPY_ROTATION")
+    looking.target, looking.subtarget, looking.influence = rig, "mixamorig:Hips", 0.5
+    targets = (("stout", "A"), ("slender", ""), ("plain", "A"), ("stout", "T"), ("slender", "A"))
+    for number, (build, pose) in enumerate(targets):
+        target = Figure(f"Target {number}", build, pose, seed=3, size=1.0 + 0.2 * number)
+        target.store_known(source)
+        transfer(source.obj, target.obj, kinds="groups,armature")
+        own = target.obj.find_armature()
+        held = [constraint for bone in own.pose.bones for constraint in bone.constraints]
+        assert [constraint.target for constraint in held] == [own] and held[0].is_valid
+        for frame in FRAMES:
+            scene.frame_set(frame)
+            first, second = limbs(rig), limbs(own)
+            assert len(first) > 15 and max(apart(first[name], second[name]) for name in first) < EXACT
+
+
 @pytest.mark.parametrize("modes", [("QUATERNION",), ("XYZ", "ZYX"), ("AXIS_ANGLE",)])
 def test_between_keys_limbs_point_as_the_source_s(scene, modes):
     source, target, rig = pair()
