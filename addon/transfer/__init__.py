@@ -266,7 +266,8 @@ def _prepare(routes, figure, options, brought):
         names = route.wanted[kind.identifier]
         try:
             route.prepared.append(kind.prepare(route, names, options))
-            brought.add(Carried({kind.identifier: names}))
+            if route.prepared[-1].arrives:
+                brought.add(Carried({kind.identifier: names}))
         except UnusableObjectError as reason:
             if len(routes) == 1:
                 raise

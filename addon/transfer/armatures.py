@@ -52,7 +52,8 @@ def prepare(route, wanted, options):
         return Prepared(
             notes=[
                 f"'{route.target.name}' keeps its rig '{own[0].object.name}': {listed(wanted)} was not fitted"
-            ]
+            ],
+            arrives=False,
         )
     if own:
         notes.append(

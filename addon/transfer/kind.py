@@ -17,11 +17,13 @@ class Prepared:
     """Data ready on the other side: `write` puts it onto the target, `notes` need the artist's attention.
 
     Where it changes how the target is shaded, `shade(mesh)` puts it onto any mesh with the target's faces.
+    `arrives` is False where nothing is put onto the target, and the notes say why.
     """
 
     write: Callable[[], None] = _nothing
     notes: Sequence[str] = ()
     shade: Callable | None = None
+    arrives: bool = True
 
 
 def shading(target, shade):

@@ -127,6 +127,15 @@ def test_replacing_is_one_undo_step(figures):
     assert "hips" not in target.vertex_groups
 
 
+def test_a_rig_that_stays_is_not_said_to_have_come(figures):
+    source, target, rig, own = figures
+    transfer(source.obj, target.obj, kinds="groups,armature", own_rig="KEEP")
+    assert armatures_on(target.obj) == [own] and "keeps its rig 'Own'" in notice.words
+    assert notice.done.startswith("Done: ") and "rig" not in notice.done
+    transfer(source.obj, target.obj, kinds="groups,armature", own_rig="REPLACE")
+    assert armatures_on(target.obj) != [own] and notice.done.endswith(", rig")
+
+
 @pytest.mark.parametrize("wish", ["AUTO", "KEEP"])
 def test_a_rig_that_stays_is_moved_by_the_new_weights(figures, wish):
     """Bones of other names by the surface they hold: each gets what its partner has."""
