@@ -168,11 +168,24 @@ def _sources(targets):
 
 @persistent
 def _follow_undo(_scene, _unused=None):
-    """Viewports are no part of undo: take the colours back when undo took the match back."""
-    if not _earlier_colouring:
+    """Viewports are no part of undo: color them as the meshes are colored now."""
+    targets = [mesh for mesh in bpy.data.meshes if mesh.spectral_match.target_fingerprint]
+    if not targets:
+        if _earlier_colouring:
+            _uncolour_viewports(bpy.context)
         return
-    if not any(stored.spectral_match.target_fingerprint for stored in bpy.data.meshes):
-        _uncolour_viewports(bpy.context)
+    actives = [mesh.color_attributes.active_color for mesh in targets]
+    ours = any(active is not None and active.name.startswith(mesh_write.OURS) for active in actives)
+    for space in _viewports(bpy.context):
+        shading = space.shading
+        if shading.type != "SOLID" or shading.color_type != "VERTEX":
+            continue
+        if ours:
+            earlier = (shading.type, shading.color_type, shading.light, shading.show_cavity)
+            _earlier_colouring.setdefault(space.as_pointer(), earlier)
+            shading.light, shading.show_cavity = "FLAT", True
+        elif space.as_pointer() in _earlier_colouring:
+            shading.light, shading.show_cavity = _earlier_colouring.pop(space.as_pointer())[2:]
 
 
 @persistent
@@ -181,7 +194,7 @@ def _forget_file(_path, _unused=None):
     _earlier_colouring.clear()
 
 
-HANDLERS = (("undo_post", _follow_undo), ("load_pre", _forget_file))
+HANDLERS = (("undo_post", _follow_undo), ("redo_post", _follow_undo), ("load_pre", _forget_file))
 
 
 class SPECTRAL_MATCH_OT_show(Step, Operator):

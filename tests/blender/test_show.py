@@ -202,6 +202,27 @@ def test_colours_off_brings_the_earlier_layer_back(pair):
     assert target.data.color_attributes.active_color.name == "Paint"
 
 
+def test_undo_of_painted_colours_shows_those_of_the_match_flat_again(pair):
+    """And redo the painted ones in the light that there was."""
+    source, target, _ = pair
+    source.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
+    bpy.ops.spectral_match.match()
+    bpy.ops.spectral_match.show(what="COLOURS")
+    areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
+    (shading,) = (area.spaces.active.shading for area in areas if area.type == "VIEW_3D")
+    bpy.ops.ed.undo_push(message="Colors")
+    assert shading.light == "FLAT"
+    bpy.ops.spectral_match.transfer(kinds="colours")
+    bpy.ops.ed.undo_push(message="Transfer")
+    for step, light, active in ((None, "STUDIO", "Paint"), ("undo", "FLAT", "match_color")) * 2:
+        if step is not None:
+            getattr(bpy.ops.ed, step)()
+        elif active != bpy.data.objects["Target"].data.color_attributes.active_color.name:
+            bpy.ops.ed.redo()
+        assert (shading.color_type, shading.light) == ("VERTEX", light)
+        assert bpy.data.objects["Target"].data.color_attributes.active_color.name == active
+
+
 def test_morph_survives_renamed_and_removed_inputs(pair):
     _, target, _ = pair
     bpy.ops.spectral_match.match()
