@@ -16,6 +16,7 @@ SOURCE = Path(__file__).resolve().parent.parent / "rust" / "core" / "src"
 ROOMS = (
     "error",
     "watch",
+    "settings",
     "algebra",
     "mesh",
     "envelope",
@@ -24,6 +25,7 @@ ROOMS = (
     "deformation",
     "shape",
     "baselines",
+    "matching::settings",
     "matching::problem",
     "matching::search",
     "matching::refinement",

@@ -7,8 +7,9 @@ use sgmds_core::matching::{Correspondence, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
 use sgmds_core::mesh::simplification::simplified;
 use sgmds_core::mesh::surface_point::SurfacePoint;
+use sgmds_core::shape::Shape;
 use sgmds_core::shape::full_resolution::FullResolution;
-use sgmds_core::shape::{SIMPLIFIED_ABOVE, Shape};
+use sgmds_core::shape::settings::SHAPE;
 use sgmds_core::watch::progress::Progress;
 
 use crate::common::{Point, icosphere, length, lumpy, sub};
@@ -154,7 +155,7 @@ fn points_return_from_the_simplified_mesh() {
 fn a_large_mesh_maps_to_and_from_a_small_one() {
     // The finer mesh begins with the coarser one's vertices.
     let (small, large) = (lumpy(4), lumpy(6));
-    assert!(small.0.len() < SIMPLIFIED_ABOVE && large.0.len() > SIMPLIFIED_ABOVE);
+    assert!(small.0.len() < SHAPE.simplified_above && large.0.len() > SHAPE.simplified_above);
     let progress = Progress::default();
     let prepare = |s: &(Vec<Point>, Vec<[i64; 3]>)| {
         Arc::new(Shape::new(&s.0, &s.1, &progress, &|_, _| Ok(())).unwrap())

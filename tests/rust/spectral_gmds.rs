@@ -4,7 +4,8 @@ use std::f64::consts::PI;
 
 use faer::Mat;
 use sgmds_core::baselines::spectral_gmds::{Objective, Weights};
-use sgmds_core::geodesics::distance_operator::{self, DATA_PENALTY};
+use sgmds_core::geodesics::distance_operator::{self};
+use sgmds_core::geodesics::settings::DISTANCE_OPERATOR;
 use sgmds_core::mesh::Mesh;
 use sgmds_core::spectrum::eigenbasis::Eigenbasis;
 use sgmds_core::spectrum::laplacian::Laplacian;
@@ -91,7 +92,7 @@ fn operator_of_the_sphere_from_samples_alone() {
         at_samples.as_ref(),
         &s.basis.values,
         distances.as_ref(),
-        DATA_PENALTY,
+        DISTANCE_OPERATOR.data_penalty,
     )
     .unwrap();
     // The Dirichlet term lowers coefficient ij by 1/(1 + (λᵢ + λⱼ)/μ), for ℓ = 1 at unit area by

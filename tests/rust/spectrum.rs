@@ -8,8 +8,9 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use sgmds_core::error::Error;
 use sgmds_core::mesh::Mesh;
-use sgmds_core::spectrum::eigenbasis::{Eigenbasis, RESIDUAL_BOUND};
+use sgmds_core::spectrum::eigenbasis::Eigenbasis;
 use sgmds_core::spectrum::laplacian::Laplacian;
+use sgmds_core::spectrum::settings::EIGENBASIS;
 
 fn icosphere(subdivisions: usize) -> Mesh {
     let (vertices, faces) = crate::common::icosphere(subdivisions);
@@ -68,7 +69,7 @@ fn assert_sound(laplacian: &Laplacian, basis: &Eigenbasis) {
             let r = product - basis.values[a] * laplacian.mass[i] * phi[(i, a)];
             square += r * r / laplacian.mass[i];
         }
-        assert!(square.sqrt() <= RESIDUAL_BOUND * basis.values[k - 1]);
+        assert!(square.sqrt() <= EIGENBASIS.residual_bound * basis.values[k - 1]);
     }
 }
 
@@ -153,7 +154,7 @@ fn no_copy_is_missed_wherever_the_spectrum_ends() {
         for (a, b) in sparse.values.iter().zip(&all.values) {
             // The residual bounds the error.
             assert!(
-                (a - b).abs() <= RESIDUAL_BOUND * sparse.values[k - 1],
+                (a - b).abs() <= EIGENBASIS.residual_bound * sparse.values[k - 1],
                 "{k} {a} {b}"
             );
         }

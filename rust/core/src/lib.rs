@@ -50,6 +50,7 @@
 #![forbid(unsafe_code)]
 
 pub mod error;
+pub mod settings;
 pub mod watch;
 
 pub mod algebra;

@@ -20,6 +20,7 @@ use sgmds_core::transfer::outfit::guidance::{Skeleton, guided};
 use sgmds_core::transfer::outfit::settings::Settings;
 use sgmds_core::transfer::outfit::{self, Sitting};
 use sgmds_core::transfer::seam_cuts::seam_cuts;
+use sgmds_core::transfer::settings::LAYOUT;
 use sgmds_core::transfer::skin_weights::{Locked, SkinOptions, SkinWeights, carried_skin};
 use sgmds_core::transfer::strands::Root;
 use sgmds_core::transfer::texture::{self, Bake, Content, Extension, Image, Texture, Tile};
@@ -810,7 +811,7 @@ pub fn uv_islands<'py>(
         let values = CornerValues {
             values: &uv,
             channels: 2,
-            tolerance: layout::UV_ROUNDING,
+            tolerance: LAYOUT.uv_rounding,
         };
         Ok(corners::islands(&surface, &values.open(&surface)))
     })?;

@@ -11,45 +11,34 @@ use faer::{Mat, MatRef};
 
 use super::{Convergence, Embedding};
 use crate::algebra::dense::{self, Rows};
+use crate::baselines::settings::FUNCTIONAL_MAP;
 use crate::error::{Error, Result, System};
 use crate::shape::Shape;
 use crate::shape::descriptors::WAVE_ENERGIES;
 use crate::watch::progress::Progress;
-
-/// Eigenfunctions of the map.
-const SIZE: usize = 50;
-/// Weight of commutativity against the descriptors, each of unit norm, with eigenvalues relative to
-/// the largest.
-const COMMUTATIVITY: f64 = 1.0;
-/// Keeps the descriptors' Gram matrix invertible for pairs of equal eigenvalues.
-const RIDGE: f64 = 1e-6;
-/// Most steps of the refinement.
-const STEPS: usize = 20;
-/// The refinement rests when at most one in so many images changes.
-const UNCHANGED_SHARE: usize = 100;
-/// Target vertices that ask in a step.
-const ASKING: usize = 2000;
 
 /// Embeddings by a functional map that carries descriptors to descriptors.
 ///
 /// # Errors
 /// [`Error::Cancelled`], [`Error::NotFactorised`].
 pub fn embedded(source: &Shape, target: &Shape, progress: &Progress) -> Result<Embedding> {
-    let k = SIZE
+    let k = FUNCTIONAL_MAP
+        .size
         .min(target.basis.values.len())
         .min(source.basis.values.len());
     let mut matrix = fitted(source, target, k)?;
-    let asking = target.drawn_vertices(ASKING);
+    let asking = target.drawn_vertices(FUNCTIONAL_MAP.asking);
     let asked = dense::gather_rows(target.functions(k), &asking, k);
     let asked_rows = Rows::from_matrix(asked.as_ref(), k);
     let mut images = Vec::new();
     let (mut steps, mut converged) = (0, false);
-    while steps < STEPS && !converged {
+    while steps < FUNCTIONAL_MAP.steps && !converged {
         let answers = source.rows.times(matrix.as_ref());
         let check = || progress.check();
         let found = source.cells.nearest(&asked_rows, &answers, &check)?;
         let changed = found.iter().zip(&images).filter(|(a, b)| a != b).count();
-        converged = found.len() == images.len() && changed <= found.len() / UNCHANGED_SHARE;
+        converged =
+            found.len() == images.len() && changed <= found.len() / FUNCTIONAL_MAP.unchanged_share;
         images = found;
         let answers = dense::gather_rows(source.functions(k), &images, k);
         matrix = orthogonal(dense::product(answers.transpose(), asked.as_ref()).as_ref())?;
@@ -77,10 +66,11 @@ fn fitted(source: &Shape, target: &Shape, k: usize) -> Result<Mat<f64>> {
     let right = dense::product(a.as_ref(), b.transpose());
     let (own, other) = (&target.basis.values, &source.basis.values);
     let largest = own[k - 1].max(other[k - 1]);
-    let weight = COMMUTATIVITY * a.ncols() as f64;
+    let weight = FUNCTIONAL_MAP.commutativity * a.ncols() as f64;
     let mut matrix = Mat::zeros(k, k);
     for i in 0..k {
-        let ridge = |j: usize| weight * (((other[i] - own[j]) / largest).powi(2) + RIDGE);
+        let ridge =
+            |j: usize| weight * (((other[i] - own[j]) / largest).powi(2) + FUNCTIONAL_MAP.ridge);
         let row = dense::solve_with_ridge(
             System::Map,
             gram.clone(),

@@ -13,6 +13,7 @@ use faer::Mat;
 
 use super::{Convergence, Embedding};
 use crate::algebra::dense::Rows;
+use crate::baselines::settings::GMDS;
 use crate::error::Result;
 use crate::geodesics::{Seed, Workspace};
 use crate::mesh::surface_point::SurfacePoint;
@@ -21,26 +22,13 @@ use crate::shape::nearest::nearest;
 use crate::shape::pointwise_map::{Distances, EmbeddedTriangles};
 use crate::watch::progress::Progress;
 
-/// Samples of the levels, coarse to fine.
-const LEVELS: [usize; 4] = [10, 20, 40, 80];
-/// Partial placements kept while the coarsest level is started.
-const PLACEMENTS: usize = 1000;
-/// Starts that are minimised on the coarsest level.
-const STARTS: usize = 8;
-/// Starts are different when their images are this far apart on average.
-const DIFFERENT: f64 = 0.1;
-/// Most sweeps over the samples of a level.
-const SWEEPS: usize = 20;
-/// A sweep that lowers the stress by less than this fraction is the last.
-const DECREASE_BOUND: f64 = 1e-3;
-
 /// Embeddings by distances from the target's samples and from their images on the source.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
 pub fn embedded(source: &Shape, target: &Shape, progress: &Progress) -> Result<Embedding> {
     let most = target.marched().len();
-    let levels = LEVELS.map(|m| m.min(most));
+    let levels = GMDS.levels.map(|m| m.min(most));
     let mut best: Option<Placement> = None;
     for start in starts(source, target, levels[0]) {
         let mut placement = Placement::new(source, target, &start);
@@ -98,7 +86,7 @@ fn starts(source: &Shape, target: &Shape, count: usize) -> Vec<Vec<u32>> {
             }
         }
         grown.sort_by(|a, b| a.0.total_cmp(&b.0));
-        grown.truncate(PLACEMENTS);
+        grown.truncate(GMDS.placements);
         partial = grown
             .into_iter()
             .map(|(stress, parent, c)| {
@@ -118,10 +106,10 @@ fn starts(source: &Shape, target: &Shape, count: usize) -> Vec<Vec<u32>> {
                 .sum();
             f64::from(sum) / count as f64
         };
-        if chosen.iter().all(|other| apart(other) > DIFFERENT) {
+        if chosen.iter().all(|other| apart(other) > GMDS.different) {
             chosen.push(placed);
         }
-        if chosen.len() == STARTS {
+        if chosen.len() == GMDS.starts {
             break;
         }
     }
@@ -223,7 +211,7 @@ impl<'a> Placement<'a> {
     fn settle(&mut self, progress: &Progress) -> Result<()> {
         let mut stress = self.stress();
         self.converged = false;
-        for _ in 0..SWEEPS {
+        for _ in 0..GMDS.sweeps {
             for i in 0..self.points.len() {
                 progress.check()?;
                 self.points[i] = self.best_point(i);
@@ -231,7 +219,7 @@ impl<'a> Placement<'a> {
             }
             self.sweeps += 1;
             let next = self.stress();
-            if next >= (1.0 - DECREASE_BOUND) * stress {
+            if next >= (1.0 - GMDS.decrease_bound) * stress {
                 self.converged = true;
                 break;
             }

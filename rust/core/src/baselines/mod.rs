@@ -5,6 +5,7 @@
 
 pub mod functional_map;
 pub mod gmds;
+pub mod settings;
 pub mod spectral_gmds;
 
 use crate::algebra::dense::Rows;

@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use faer::{Mat, MatRef};
 
 use crate::algebra::dense;
+use crate::baselines::settings::SPECTRAL_GMDS;
 use crate::error::Result;
 use crate::watch::progress::Progress;
 
@@ -26,9 +27,9 @@ impl Default for Weights {
     }
 }
 
-/// ‖Cα₁ − α₂C‖²/‖α₁‖² + μ₁‖CᵀΛ₂C − Λ₁‖²/‖Λ₁‖² + μ₂‖CᵀC − I‖²/k.
+/// ‖Cα₂ − α₁C‖²/‖α₂‖² + μ₁‖CᵀΛ₁C − Λ₂‖²/‖Λ₂‖² + μ₂‖CᵀC − I‖²/k.
 ///
-/// Shape 1 is the target, 2 the source; C `(k, k)` takes coefficients on 1 to coefficients on 2.
+/// Shape 1 is the source, 2 the target; C `(k, k)` takes coefficients on 2 to coefficients on 1.
 /// Mass is preserved when C takes the constant's coefficients to the constant's and Cᵀ back; with
 /// `ΦᵀAΦ` = I, the constant first and unit area these are e₁ on both shapes, so that the constraint
 /// fixes the first row and column of C to e₁ and leaves `(k − 1)²` unknowns.
@@ -39,13 +40,13 @@ impl Default for Weights {
 #[derive(Debug)]
 pub struct Objective<'a> {
     /// α₁.
-    pub target_operator: MatRef<'a, f64>,
-    /// α₂.
     pub source_operator: MatRef<'a, f64>,
+    /// α₂.
+    pub target_operator: MatRef<'a, f64>,
     /// Λ₁, ascending.
-    pub target_values: &'a [f64],
-    /// Λ₂, ascending.
     pub source_values: &'a [f64],
+    /// Λ₂, ascending.
+    pub target_values: &'a [f64],
     /// μ₁, μ₂.
     pub weights: Weights,
 }
@@ -65,23 +66,13 @@ pub struct Minimum {
     pub converged: bool,
 }
 
-/// Most steps of the minimisation.
-const STEPS: usize = 200;
-/// Pairs of steps and gradient changes remembered.
-const MEMORY: usize = 10;
-/// Gradient norm, relative to 1 + energy, at which a minimum is reached.
-const GRADIENT_BOUND: f64 = 1e-6;
-/// Relative decrease below which nothing more is to be gained.
-const DECREASE_BOUND: f64 = 1e-10;
-
 impl Objective<'_> {
     /// Energy and gradient; the gradient is zero on the constrained first row and column.
     #[must_use]
     pub fn value(&self, c: MatRef<'_, f64>) -> (f64, Mat<f64>) {
         let k = c.nrows();
-        let a1 = self.target_operator;
-        let a2 = self.source_operator;
-        let commutator = &dense::product(c, a1) - &dense::product(a2, c);
+        let (a1, a2) = (self.source_operator, self.target_operator);
+        let commutator = &dense::product(c, a2) - &dense::product(a1, c);
         let weighted = Mat::from_fn(k, k, |i, j| self.source_values[i] * c[(i, j)]);
         let mut spectrum = dense::product(c.transpose(), weighted.as_ref());
         let mut metric = dense::product(c.transpose(), c);
@@ -89,7 +80,7 @@ impl Objective<'_> {
             spectrum[(i, i)] -= self.target_values[i];
             metric[(i, i)] -= 1.0;
         }
-        let scale_distance = 1.0 / dense::squared_norm(a1);
+        let scale_distance = 1.0 / dense::squared_norm(a2);
         let values_norm: f64 = self.target_values[..k].iter().map(|l| l * l).sum();
         let scale_spectrum = self.weights.spectrum / values_norm;
         let scale_metric = self.weights.orthogonality / k as f64;
@@ -97,8 +88,8 @@ impl Objective<'_> {
             + scale_spectrum * dense::squared_norm(spectrum.as_ref())
             + scale_metric * dense::squared_norm(metric.as_ref());
 
-        let by_distance = &dense::product(commutator.as_ref(), a1.transpose())
-            - &dense::product(a2.transpose(), commutator.as_ref());
+        let by_distance = &dense::product(commutator.as_ref(), a2.transpose())
+            - &dense::product(a1.transpose(), commutator.as_ref());
         let by_spectrum = dense::product(weighted.as_ref(), spectrum.as_ref());
         let by_metric = dense::product(c, metric.as_ref());
         let gradient = Mat::from_fn(k, k, |i, j| {
@@ -135,9 +126,9 @@ impl Objective<'_> {
         let mut memory: VecDeque<(Mat<f64>, Mat<f64>, f64)> = VecDeque::new();
         let mut steps = 0;
         let mut converged = false;
-        while steps < STEPS {
+        while steps < SPECTRAL_GMDS.steps {
             progress.check()?;
-            if inner(&gradient, &gradient).sqrt() <= GRADIENT_BOUND * (1.0 + energy) {
+            if inner(&gradient, &gradient).sqrt() <= SPECTRAL_GMDS.gradient_bound * (1.0 + energy) {
                 converged = true;
                 break;
             }
@@ -156,13 +147,13 @@ impl Objective<'_> {
             let curvature = inner(&step, &turn);
             if curvature > 1e-12 * inner(&turn, &turn) {
                 memory.push_back((step, turn, curvature));
-                if memory.len() > MEMORY {
+                if memory.len() > SPECTRAL_GMDS.memory {
                     memory.pop_front();
                 }
             }
             let decrease = energy - value;
             (at, energy, gradient) = (next, value, slope);
-            if decrease <= DECREASE_BOUND * (1.0 + energy) {
+            if decrease <= SPECTRAL_GMDS.decrease_bound * (1.0 + energy) {
                 converged = true;
                 break;
             }
@@ -184,16 +175,14 @@ impl Objective<'_> {
         gradient: &Mat<f64>,
         direction: &Mat<f64>,
     ) -> Option<(Mat<f64>, f64, Mat<f64>)> {
-        const SUFFICIENT: f64 = 1e-4;
-        const HALVINGS: usize = 30;
         let slope = inner(gradient, direction);
         let mut length = 1.0;
-        for _ in 0..HALVINGS {
+        for _ in 0..SPECTRAL_GMDS.halvings {
             let next = Mat::from_fn(at.nrows(), at.ncols(), |i, j| {
                 at[(i, j)] + length * direction[(i, j)]
             });
             let (value, next_gradient) = self.value(next.as_ref());
-            if value <= energy + SUFFICIENT * length * slope {
+            if value <= energy + SPECTRAL_GMDS.sufficient * length * slope {
                 return Some((next, value, next_gradient));
             }
             length *= 0.5;

@@ -4,3 +4,4 @@ mod block_equations;
 pub mod piecewise_affine;
 pub mod registration;
 pub mod rigid_surface;
+pub mod settings;

@@ -21,6 +21,7 @@ use std::collections::BinaryHeap;
 use crate::algebra::sparse_factor::Pattern;
 use crate::algebra::vector::{self, Point};
 use crate::deformation::block_equations::{Block, BlockEquations, PARTS, Section, parts};
+use crate::deformation::settings::PIECEWISE_AFFINE;
 use crate::error::Result;
 use crate::mesh::Adjacency;
 use crate::watch::progress::Check;
@@ -29,13 +30,6 @@ use crate::watch::progress::Check;
 const NEAREST: usize = 3;
 /// Pairs of nodes that carry a vertex, and each with itself.
 const PAIRS: usize = NEAREST * (NEAREST + 1) / 2;
-/// Weight μ of the changes between neighbouring nodes beside what draws the vertices, at unit area; half and twice as
-/// much change errors by up to a tenth, up on one pair and down on another.
-const SMOOTHNESS: f64 = 1e-4;
-/// ε: changes of less than this count by their squares. Between bodies of other build half of them are above.
-const SMALL_CHANGE: f64 = 0.03;
-/// Keeps the matrix regular where nothing draws.
-const LEAST_PULL: f64 = 1e-10;
 
 /// What draws a vertex: M, symmetric, and b, of which M⁻¹b is the place it is drawn to.
 pub type Pull = ([Point; 3], Point);
@@ -200,7 +194,7 @@ impl DeformationGraph {
             if of_part(link[1]) != part {
                 continue;
             }
-            let weight = SMOOTHNESS * held;
+            let weight = PIECEWISE_AFFINE.smoothness * held;
             let m = [[weight, 0.0, 0.0], [0.0, weight, 0.0], [0.0, 0.0, weight]];
             for [a, b] in link_rows(&self.nodes, link, self.spacing) {
                 add(section.block(first), &a, &m, &a);
@@ -211,7 +205,7 @@ impl DeformationGraph {
         for node in (0..self.nodes.len() as u32).filter(|&node| of_part(node) == part) {
             let own = section.block(self.equations.block(node, node));
             for (m, row) in own.iter_mut().enumerate() {
-                row[m] += LEAST_PULL;
+                row[m] += PIECEWISE_AFFINE.least_pull;
             }
         }
     }
@@ -252,7 +246,7 @@ impl<'a> PiecewiseAffine<'a> {
                 })
                 .map(|change| change * change)
                 .sum();
-            let small = SMALL_CHANGE * graph.spacing;
+            let small = PIECEWISE_AFFINE.small_change * graph.spacing;
             *held = small / (change + small * small).sqrt();
         }
         let mut places = vec![[0.0; 3]; graph.carried.len()];

@@ -14,19 +14,10 @@ use rayon::prelude::*;
 
 use crate::algebra::sparse_factor::{Factor, Pattern};
 use crate::algebra::vector::{self, Point};
+use crate::deformation::settings::RIGID_SURFACE;
 use crate::error::{Error, Result, System};
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::watch::progress::Check;
-
-/// Weight μ of rigidity; of the points together it is that of the pull, at unit area.
-const RIGIDITY: f64 = 2e-3;
-/// Rounds of rotations and positions a call.
-const ROUNDS: usize = 3;
-/// Steps of a rotation at most, and the angle to which it is found.
-const ROTATION_STEPS: usize = 30;
-const ROTATION_ACCURACY: f64 = 1e-6;
-/// Newton's method doubles the digits: a step of less is the last.
-const LAST_STEP: f64 = 1e-3;
 
 /// Columns of a rotation.
 type Rotation = [Point; 3];
@@ -69,8 +60,8 @@ impl Rigidity {
         let pattern = Pattern::new(columns, ordering)?;
         let mut entries = Vec::new();
         for (i, area) in areas.iter().enumerate() {
-            entries.extend(before(i).map(|(_, w)| -RIGIDITY * w));
-            let held: f64 = edges.row(i).map(|(_, w)| RIGIDITY * w).sum();
+            entries.extend(before(i).map(|(_, w)| -RIGID_SURFACE.rigidity * w));
+            let held: f64 = edges.row(i).map(|(_, w)| RIGID_SURFACE.rigidity * w).sum();
             entries.push(area + held);
         }
         let positive = |factor: &Factor| factor.negative_pivots() == 0;
@@ -111,7 +102,7 @@ impl<'a> RigidSurface<'a> {
             factor,
             ordering,
         } = self.rigidity;
-        for _ in 0..ROUNDS {
+        for _ in 0..RIGID_SURFACE.rounds {
             check()?;
             self.turn();
             // With a fourth coordinate of nothing they fill a register.
@@ -128,7 +119,7 @@ impl<'a> RigidSurface<'a> {
                         others = vector::add(others, vector::by_columns(&self.rotations[j], edge));
                     }
                     let held = vector::add(vector::by_columns(&self.rotations[i], own), others);
-                    let held = vector::scaled(held, 0.5 * RIGIDITY);
+                    let held = vector::scaled(held, 0.5 * RIGID_SURFACE.rigidity);
                     let [x, y, z] = vector::add(vector::scaled(places[i], areas[i]), held);
                     [x, y, z, 0.0]
                 })
@@ -172,7 +163,7 @@ impl<'a> RigidSurface<'a> {
 /// A turn by ω changes the trace by ⟨g, ω⟩ − ½ ωᵀHω, g = Σ rᵢ × mᵢ, H = tr(B)I − ½(B + Bᵀ), B = Σ mᵢrᵢᵀ. Near the
 /// best rotation H is positive and Newton's step ω = H⁻¹g doubles the digits; far from it that of Müller et al. leads on.
 fn rotate_towards(rotation: &mut Rotation, columns: &[Point; 3]) {
-    for _ in 0..ROTATION_STEPS {
+    for _ in 0..RIGID_SURFACE.rotation_steps {
         let (mut moment, mut aligned) = ([0.0; 3], 0.0);
         let mut product = [[0.0; 3]; 3];
         for (r, m) in rotation.iter().zip(columns) {
@@ -184,9 +175,9 @@ fn rotate_towards(rotation: &mut Rotation, columns: &[Point; 3]) {
         }
         let newton = newton_step(&product, aligned, moment);
         let least = if newton.is_some() {
-            LAST_STEP
+            RIGID_SURFACE.last_step
         } else {
-            ROTATION_ACCURACY
+            RIGID_SURFACE.rotation_accuracy
         };
         let step = newton.unwrap_or_else(|| {
             vector::scaled(moment, 1.0 / (aligned.abs() + f64::MIN_POSITIVE.sqrt()))
@@ -289,13 +280,16 @@ mod tests {
                 let columns: [Point; 3] =
                     std::array::from_fn(|i| vector::scaled(about[i], stretch[i]));
                 let mut found = identity;
-                for _ in 0..ROUNDS {
+                for _ in 0..RIGID_SURFACE.rounds {
                     rotate_towards(&mut found, &columns);
                 }
                 for (r, wanted) in found.iter().zip(&about) {
                     // A step shorter than the accuracy was the last.
                     let off = vector::distance(*r, *wanted);
-                    assert!(off < 10.0 * ROTATION_ACCURACY, "{stretch:?} {angle}: {off}");
+                    assert!(
+                        off < 10.0 * RIGID_SURFACE.rotation_accuracy,
+                        "{stretch:?} {angle}: {off}"
+                    );
                 }
             }
         }

@@ -21,35 +21,20 @@ use super::place::{Place, dot, sub};
 use super::surface::Level;
 use super::tree::Tree;
 use super::winding::{EXPANSION_ERROR, Part};
+use crate::envelope::settings::FIELD;
 use crate::error::Result;
 use crate::watch::progress::Progress;
-
-/// How steeply the solid ends where |w| passes 1/2: at 1/4 and 3/4 it is a distance again.
-const STEEPNESS: f32 = 4.0;
 
 /// |w|, and its distance from 1, below which a surface is that of a solid, and above which it is a sheet. What the winding
 /// number is wrong by does not make a sheet of a solid.
 const SOLID_BELOW: f32 = EXPANSION_ERROR + 0.02;
-const SHEET_ABOVE: f32 = 0.2;
-
-/// Depth in cells of the deepest point around, below which a solid is thin and above which it needs no offset: at a point
-/// outside the next one inward of a thick solid is up to a cell deep, and half a cell is enough to be found.
-const THIN_BELOW: f32 = 0.2;
-const THICK_ABOVE: f32 = 0.4;
-
-/// λ: what counts is a gap between two pieces and not one behind the other, where p₂ lies beyond p₁; 2d₁ is then added
-/// so many times.
-const BETWEEN: f32 = 1.0;
-
-/// A cell that the surface crosses has a point within the offset; its corners are within a diagonal of that, in steps.
-const DIAGONAL: f32 = 1.8;
 
 /// Steps around all that is within reach: a brick beside it that can change, and one that cannot.
 const MARGIN: f32 = 2.0 * SIDE as f32;
 
 /// Points of the grid along the largest extent, of so many cells, with offsets as large as that.
 pub(super) fn points_along(cells: f64, largest: f64) -> f64 {
-    cells * (1.0 + 2.0 * largest) + 2.0 * f64::from(DIAGONAL + MARGIN) + 1.0
+    cells * (1.0 + 2.0 * largest) + 2.0 * f64::from(FIELD.diagonal + MARGIN) + 1.0
 }
 
 /// What f is made of at a point.
@@ -75,9 +60,6 @@ pub struct Offsets {
     /// b.
     pub blend: f64,
 }
-
-/// Winding number at most beyond the box of all triangles: outside of any solid, and still beside a sheet.
-const MOST_BEYOND: f32 = 0.45;
 
 /// Samples in the bricks near the surface.
 #[derive(Debug)]
@@ -117,7 +99,7 @@ impl Bridges {
             let second = (distance < blend).then(|| tree.nearest(q, left * left, is_same))??;
             let apart = sub(first.place, second.place);
             let sum = distance + second.squared.sqrt();
-            Some(sum / 2.0 + BETWEEN * (sum - dot(apart, apart).sqrt()))
+            Some(sum / 2.0 + FIELD.between * (sum - dot(apart, apart).sqrt()))
         };
         let narrow = beyond(self.blend, &|piece| piece == first.piece);
         let group = self.groups[first.piece as usize];
@@ -137,7 +119,7 @@ impl Band {
         bridges: &Bridges,
         progress: &Progress,
     ) -> Result<Self> {
-        let reach = largest + DIAGONAL * step;
+        let reach = largest + FIELD.diagonal * step;
         let root = &tree.nodes[0];
         let margin = reach + MARGIN * step;
         let mut grid = Grid::over(
@@ -206,7 +188,7 @@ impl Band {
             let winding = if tree.holds(q) {
                 winding
             } else {
-                winding.min(MOST_BEYOND)
+                winding.min(FIELD.most_beyond)
             };
             samples[n] = self.sample(tree, q, nearest, winding, bridges);
         }
@@ -222,9 +204,9 @@ impl Band {
         bridges: &Bridges,
     ) -> Sample {
         let distance = nearest.map_or(self.reach, |n| n.squared.sqrt());
-        let sigma = (STEEPNESS * (0.5 - w)).clamp(-1.0, 1.0);
+        let sigma = (FIELD.steepness * (0.5 - w)).clamp(-1.0, 1.0);
         let from_solid = w.min((1.0 - w).abs());
-        let sheet = (from_solid - SOLID_BELOW) / (SHEET_ABOVE - SOLID_BELOW);
+        let sheet = (from_solid - SOLID_BELOW) / (FIELD.sheet_above - SOLID_BELOW);
         let gap = nearest.map(|first| bridges.gap(tree, q, first));
         Sample {
             distance,
@@ -304,7 +286,7 @@ impl Band {
             }
         }
         let cells = depth / self.grid.step;
-        1.0 - ((cells - THIN_BELOW) / (THICK_ABOVE - THIN_BELOW)).clamp(0.0, 1.0)
+        1.0 - ((cells - FIELD.thin_below) / (FIELD.thick_above - FIELD.thin_below)).clamp(0.0, 1.0)
     }
 }
 

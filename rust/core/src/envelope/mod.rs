@@ -21,6 +21,7 @@ mod moments;
 mod pieces;
 mod place;
 mod scaled;
+pub mod settings;
 #[cfg(test)]
 mod shapes;
 mod surface;

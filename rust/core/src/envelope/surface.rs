@@ -15,13 +15,10 @@ use rayon::prelude::*;
 
 use super::grid::{Grid, INSIDE, OUTSIDE, POINTS, SIDE, Values, local};
 use super::place::{Place, add, cross, dot, scaled, sub};
+use crate::envelope::settings::SURFACE;
 
 /// Points along an axis of a brick with the first ones of the next.
 const WIDE: usize = SIDE + 1;
-
-/// Crossings stay this share of an edge away from its ends: vertices of different cells are then apart, and no triangle is
-/// degenerate.
-const LEAST_PART: f32 = 0.1;
 
 /// Values on a grid; inside they are negative.
 #[derive(Debug, Clone)]
@@ -130,9 +127,9 @@ impl Level {
             let slot = self.grid.slot(point) as usize;
             let value = &mut self.values[slot][local(point)];
             *value = if *value < 0.0 {
-                self.grid.step * LEAST_PART
+                self.grid.step * SURFACE.least_part
             } else {
-                -self.grid.step * LEAST_PART
+                -self.grid.step * SURFACE.least_part
             };
             // All cells of which the point is a corner, this one among them.
             for bit in 0..8 {
@@ -261,7 +258,7 @@ fn vertices_of(level: &Level, brick: u32) -> (u64, Vec<Place>) {
                 }
                 let (a, b) = (value(bit), value(other));
                 let mut crossing = corner(bit).map(|x| x as f32);
-                crossing[axis] = (a / (a - b)).clamp(LEAST_PART, 1.0 - LEAST_PART);
+                crossing[axis] = (a / (a - b)).clamp(SURFACE.least_part, 1.0 - SURFACE.least_part);
                 sum = add(sum, crossing);
                 count += 1.0;
             }

@@ -2,7 +2,7 @@
 //!
 //! Along each axis the nearest and the farthest triangle of every pixel are kept, which are two opposite views. A sample of
 //! a face is seen in one of them when the triangle in front of it there is its own, one that shares a corner, or one
-//! whose plane passes less than [`SLACK`] before it: the plane and not the pixel's depth, so that skin close under cloth is
+//! whose plane passes less than `VISIBLE.slack` before it: the plane and not the pixel's depth, so that skin close under cloth is
 //! told from cloth.
 
 use std::f64::consts::PI;
@@ -10,26 +10,8 @@ use std::f64::consts::PI;
 use rayon::prelude::*;
 
 use crate::algebra::vector::{self, Point};
+use crate::envelope::settings::VISIBLE;
 use crate::error::Result;
-
-/// Axes, each of two views. With 64 of them the visible area of a clothed character differs by less than 1 %.
-const AXES: usize = 32;
-
-/// Pixels along the largest extent: the narrowest gap through which something is seen is some thousandths of it.
-const PIXELS: f32 = 256.0;
-
-/// How far before a sample the plane of another triangle may pass, in pixels: neighbours of a curved surface do.
-const SLACK: f32 = 0.5;
-
-/// A view counts for a face whose normal is less than this away from it, as a cosine: in slanting ones depths across a
-/// pixel differ by many.
-const LEAST_COSINE: f32 = 0.2;
-
-/// Views from which a sample has to be seen: a single one of 64 looks through a crack between two pieces.
-const SEEN_FROM: u8 = 2;
-
-/// Edge, over the largest extent, of which a face has one sample; of twice as long ones four, of longer ones sixteen.
-const ONE_SAMPLE: f32 = 0.03;
 
 const NONE: u32 = u32::MAX;
 
@@ -49,7 +31,7 @@ pub fn visible(vertices: &[Point], faces: &[[u32; 3]]) -> Result<Vec<f32>> {
 pub(super) fn seen(places: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<f32> {
     let samples = Samples::of(places, faces);
     let none = || vec![0u8; samples.face.len()];
-    let views = (0..AXES)
+    let views = (0..VISIBLE.axes)
         .into_par_iter()
         .fold(none, |mut counts, axis| {
             let view = View::along(direction(axis), places);
@@ -65,7 +47,7 @@ pub(super) fn seen(places: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<f32> {
     let mut totals = vec![(0u16, 0u16); faces.len()];
     for (&face, &count) in samples.face.iter().zip(&views) {
         let (seen, all) = &mut totals[face as usize];
-        *seen += u16::from(count >= SEEN_FROM);
+        *seen += u16::from(count >= VISIBLE.seen_from);
         *all += 1;
     }
     let share = |(seen, all): (u16, u16)| f32::from(seen) / f32::from(all.max(1));
@@ -74,7 +56,7 @@ pub(super) fn seen(places: &[[f32; 3]], faces: &[[u32; 3]]) -> Vec<f32> {
 
 /// Axes spread over a half sphere along a spiral of the golden angle.
 fn direction(axis: usize) -> Point {
-    let z = (axis as f64 + 0.5) / AXES as f64;
+    let z = (axis as f64 + 0.5) / VISIBLE.axes as f64;
     let angle = PI * (3.0 - 5f64.sqrt()) * axis as f64;
     let radius = (1.0 - z * z).sqrt();
     [radius * angle.cos(), radius * angle.sin(), z]
@@ -98,9 +80,9 @@ impl Samples {
                 .into_iter()
                 .fold(0.0, f32::max)
                 .sqrt();
-            let parts = if longest <= ONE_SAMPLE {
+            let parts = if longest <= VISIBLE.one_sample {
                 1
-            } else if longest <= 2.0 * ONE_SAMPLE {
+            } else if longest <= 2.0 * VISIBLE.one_sample {
                 2
             } else {
                 4
@@ -137,7 +119,7 @@ impl View {
             [1.0, 0.0, 0.0]
         };
         let u = vector::normalised(vector::cross(other, axis));
-        let frame = [u, vector::cross(axis, u), axis].map(|a| a.map(|x| x as f32 * PIXELS));
+        let frame = [u, vector::cross(axis, u), axis].map(|a| a.map(|x| x as f32 * VISIBLE.pixels));
         let along = |p: &[f32; 3], a: &[f32; 3]| p[0] * a[0] + p[1] * a[1] + p[2] * a[2];
         let mut seen: Vec<[f32; 3]> = places
             .iter()
@@ -172,7 +154,7 @@ impl View {
             let own = faces[face as usize];
             let corners = self.corners(own);
             let plane = Plane::through(corners);
-            if plane.cosine < LEAST_COSINE {
+            if plane.cosine < VISIBLE.least_cosine {
                 continue;
             }
             let ([a, b, c], [p, q, r]) = (corners, *weights);
@@ -186,7 +168,7 @@ impl View {
                     let touches = other.iter().any(|v| own.contains(v));
                     touches || {
                         let before = Plane::through(self.corners(other)).at(x, y);
-                        sign * (depth - before) <= SLACK
+                        sign * (depth - before) <= VISIBLE.slack
                     }
                 };
                 *count += u8::from(is_seen);
@@ -218,7 +200,7 @@ impl View {
                     let x = column as f32 + 0.5;
                     let at = |e: &[f32; 3]| e[0] * x + e[1] * y + e[2];
                     let [e, f, g] = &edges;
-                    if at(e).min(at(f)).min(at(g)) >= -COVER {
+                    if at(e).min(at(f)).min(at(g)) >= -VISIBLE.cover {
                         let pixel = row * self.width + column;
                         let depth = plane.at(x, y);
                         if depth < near[pixel].0 {
@@ -235,14 +217,11 @@ impl View {
     }
 }
 
-/// How far outside an edge, in pixels times its length, a pixel still counts as covered: without it rounding leaves cracks.
-const COVER: f32 = 1e-3;
-
 /// Pixels along an axis whose centre lies between three coordinates.
 #[inline(always)]
 fn centres(a: f32, b: f32, c: f32, size: usize) -> std::ops::Range<usize> {
     let (low, high) = (a.min(b).min(c), a.max(b).max(c));
-    ((low + 0.5 - COVER) as usize)..((high + 0.5) as usize).min(size)
+    ((low + 0.5 - VISIBLE.cover) as usize)..((high + 0.5) as usize).min(size)
 }
 
 /// a, b and c of a·x + b·y + c, which is 0 on the line through p and q and positive to the left of it, or to its right

@@ -7,7 +7,7 @@
 //! ```
 //!
 //! with area a, unit normal n and centroid x of each triangle, about the centre of area c of a node that is farther than
-//! [`OPENING`] of its radii from q. 1 inside a closed surface with outward normals, 0 outside, ±1/2 on both sides of a wide
+//! `WINDING.opening` of its radii from q. 1 inside a closed surface with outward normals, 0 outside, ±1/2 on both sides of a wide
 //! open sheet, and in between where something is missing.
 //!
 //! # Source
@@ -21,17 +21,14 @@ use super::distance::squared_from_box;
 use super::place::{Place, Triangle, cross, dot, sub};
 use super::tree::Tree;
 use crate::algebra::dense::vectorised;
-
-/// A node is expanded from so many of its radii. Against all solid angles the largest error is 0.044 with 2 on a sphere, a
-/// torus and an open box, below [`EXPANSION_ERROR`] with 2.5.
-pub(super) const OPENING: f32 = 2.5;
+use crate::envelope::settings::WINDING;
 
 /// Largest error of a winding number by expansion and interpolation: 1/2 is what has to be told from 0 and 1.
 pub(super) const EXPANSION_ERROR: f32 = 0.03;
 
 /// Winding numbers at many points of a part of space: what is far from it varies little there.
 ///
-/// The share of whatever is farther from the middle than [`SMOOTH`] radii of the part is found at its eight corners alone
+/// The share of whatever is farther from the middle than `WINDING.smooth` radii of the part is found at its eight corners alone
 /// and interpolated: it is harmonic, and the error of trilinear interpolation in the middle is a multiple of the Laplacian.
 #[derive(Debug)]
 pub(super) struct Part {
@@ -39,9 +36,6 @@ pub(super) struct Part {
     /// Half of its width along each axis.
     pub half: f32,
 }
-
-/// Distance, in radii of the part, from which the share of a node or triangle is smooth there.
-const SMOOTH: f32 = 2.5;
 
 /// Angles are summed as a product of complex numbers, of which only those near the negative real axis need care.
 #[derive(Clone, Copy)]
@@ -128,9 +122,9 @@ impl Tree {
             let node = &self.nodes[number];
             let apart = sub(node.moments.centre, part.middle);
             let distance = dot(apart, apart).sqrt();
-            let is_smooth =
-                squared_from_box(node.low, node.high, part.middle) >= (SMOOTH * radius).powi(2);
-            if distance > OPENING * node.moments.radius + radius {
+            let is_smooth = squared_from_box(node.low, node.high, part.middle)
+                >= (WINDING.smooth * radius).powi(2);
+            if distance > WINDING.opening * node.moments.radius + radius {
                 if is_smooth {
                     node.moments.add_far(&corners, &mut smooth);
                 } else {

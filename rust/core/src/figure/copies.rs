@@ -3,16 +3,14 @@
 //! Their [originals](crate::mesh::copies) are known before anything is matched: those that can be no other's are landmarks of the
 //! map between the figures. Afterwards every vertex of such a piece answers to its original.
 
+use super::Figure;
 use super::pull_back::Placed;
-use super::{Figure, ON_ENVELOPE};
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::figure::settings::{COPIES, FIGURE};
 use crate::mesh::copies::{Original, Triangles, originals};
 use crate::mesh::surface_point::SurfacePoint;
 use crate::watch::progress::Progress;
-
-/// Landmarks drawn from copies: as many as points that a registration gives, see the search's use of landmarks.
-const LANDMARKS: usize = 12;
 
 fn triangles(figure: &Figure) -> Triangles<'_> {
     Triangles {
@@ -51,7 +49,7 @@ pub(super) fn landmarks(
     let place = |&(_, v): &(u32, u32)| target.welded.vertices[v as usize];
     let mut left: Vec<f64> = vec![f64::INFINITY; known.len()];
     let mut landmarks: Vec<(u32, u32)> = Vec::new();
-    for _ in 0..LANDMARKS.min(known.len()) {
+    for _ in 0..COPIES.landmarks.min(known.len()) {
         let Some(next) = (0..known.len()).max_by(|&a, &b| left[a].total_cmp(&left[b])) else {
             break;
         };
@@ -104,7 +102,7 @@ impl Figure {
     /// Whether a welded vertex lies on what is matched.
     fn is_matched(&self, class: u32) -> bool {
         match &self.wrapped {
-            Some(wrapped) => wrapped.anchors[class as usize].away <= ON_ENVELOPE,
+            Some(wrapped) => wrapped.anchors[class as usize].away <= FIGURE.on_envelope,
             None => (self.shape.given_mesh().input_vertex)
                 .binary_search(&class)
                 .is_ok(),

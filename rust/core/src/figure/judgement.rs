@@ -1,17 +1,8 @@
 //! The grade of a map between figures: that of what was matched, for all that is seen.
 
 use super::{Figure, FigureMap};
+use crate::figure::settings::JUDGEMENT;
 use crate::matching::ranking::quality::{self, Grade};
-
-/// More of the visible area than this without an image of its own leaves a map amber.
-const MOST_UNKNOWN: f64 = 0.1;
-
-/// Share of repeated eigenvalues from which a surface is taken to be the same after a turn: prisms have 0.7 and more, bodies
-/// at most 0.
-const TURNS_ONTO_ITSELF: f64 = 0.3;
-
-/// A surface of fewer vertices is too coarse for its map to be sure: among these, prisms hide that they turn onto themselves.
-const FEWEST_SURE: usize = 120;
 
 /// Grade and reasons of a map between figures.
 #[must_use]
@@ -26,7 +17,7 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
         None => quality::ungraded(),
     };
     let unknown = found.unknown.max(1.0 - source.seen);
-    if unknown > MOST_UNKNOWN {
+    if unknown > JUDGEMENT.most_unknown {
         grade = at_most_amber(grade);
         reasons.push(format!(
             "{:.0} % of what is seen was placed beside what was matched: look at it",
@@ -35,13 +26,13 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
     }
     for (role, figure) in [("source", source), ("target", target)] {
         let vertices = figure.shape.given_mesh().vertices.len();
-        if vertices < FEWEST_SURE {
+        if vertices < JUDGEMENT.fewest_sure {
             grade = at_most_amber(grade);
             reasons.push(format!(
                 "the {role} has only {vertices} vertices: too few to be sure, look at it"
             ));
         }
-        if figure.shape.basis.repeated() > TURNS_ONTO_ITSELF {
+        if figure.shape.basis.repeated() > JUDGEMENT.turns_onto_itself {
             grade = at_most_amber(grade);
             reasons.push(format!(
                 "the {role} looks the same when it is turned about an axis: which way round it goes cannot be told, \

@@ -9,6 +9,7 @@
 mod copies;
 mod judgement;
 mod pull_back;
+pub mod settings;
 mod worn;
 
 use std::sync::{Arc, OnceLock};
@@ -21,6 +22,7 @@ pub use pull_back::FigureMap;
 use crate::algebra::vector::{self, Point};
 use crate::envelope::{self, Envelope};
 use crate::error::{Error, Result};
+use crate::figure::settings::FIGURE;
 use crate::geodesics::metric::Metric;
 use crate::matching::{self, Method, Options, match_shapes};
 use crate::mesh::surface_point::SurfacePoint;
@@ -30,17 +32,6 @@ use crate::shape::{CostlyParts, PublicArrays, Shape};
 use crate::transfer::Surface;
 use crate::transfer::unions::Unions;
 use crate::watch::progress::Progress;
-
-/// Share of what is seen from outside that the largest piece has to carry to be matched by itself: eyes, lashes and
-/// buttons beside a body stay below the rest; any garment or plate is more.
-pub const CARRIES_ALL: f64 = 0.97;
-
-/// Vertices of a figure nearer to its envelope than this, over the largest extent, are on it: half more than the largest
-/// offset and a cell of the envelope's grid.
-const ON_ENVELOPE: f64 = 0.02;
-
-/// A piece no thicker than this share of its largest extent is flat.
-const FLAT: f64 = 1e-3;
 
 /// A surface or many, prepared to be matched as one.
 #[derive(Debug)]
@@ -462,7 +453,7 @@ fn matched(
     let all: f64 = of_piece.iter().sum();
     let most = of_piece.iter().copied().fold(0.0, f64::max);
     let seen = if all > 0.0 { most / all } else { 1.0 };
-    if seen >= CARRIES_ALL {
+    if seen >= FIGURE.carries_all {
         return Ok((Matched::Surface, Some(visible), seen));
     }
     let settings = envelope::Settings::default();
@@ -476,7 +467,7 @@ fn matched(
         .unzip();
     let envelope = Envelope::of(&welded.vertices, &faces, &shares, &settings, progress)?;
     // What lies apart from it, as a second body does, leaves the largest piece alone in its envelope.
-    if seen >= CARRIES_ALL * envelope.kept_share {
+    if seen >= FIGURE.carries_all * envelope.kept_share {
         return Ok((Matched::Surface, Some(visible), seen));
     }
     let seen = envelope.kept_share;
@@ -510,7 +501,7 @@ fn backdrops(welded: &Welded, piece: &[u32], pieces: usize) -> Vec<bool> {
             let (own, rest) = (extents(boxes[n]), extents(joined(before, after[n + 1])));
             before = joined(before, boxes[n]);
             let largest = own.into_iter().fold(0.0, f64::max);
-            let is_flat = |i: usize| own[i] <= FLAT * largest;
+            let is_flat = |i: usize| own[i] <= FIGURE.flat * largest;
             (0..3).any(|axis| is_flat(axis) && (0..3).all(|i| i == axis || own[i] >= rest[i]))
         })
         .collect()

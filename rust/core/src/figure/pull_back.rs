@@ -7,28 +7,15 @@
 
 use rayon::prelude::*;
 
-use super::{Figure, ON_ENVELOPE, copies, largest};
+use super::{Figure, copies, largest};
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::figure::settings::{FIGURE, PULL_BACK};
 use crate::matching::Correspondence;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::surface::blend;
 use crate::transfer::{Surface, SurfaceMap};
 use crate::watch::progress::Progress;
-
-/// Images of the corners of a face that are farther apart than this many times its longest edge, at the source's
-/// size, belong to different limbs: the nearest corner's is taken. Faces of right maps stretch to about three times.
-const TORN: f64 = 6.0;
-
-/// Cosine of the angle between two surfaces from which they lie alike, whatever their windings.
-const ALIKE: f64 = 0.3;
-
-/// Depth that is carried, over the largest extent: a body lies within it under ordinary clothes, and farther
-/// inside another surface's nearest point may be that of its other side.
-const DEEPEST: f64 = 0.05;
-
-/// How much farther than the nearest point of all one may lie that lies alike, over the largest extent.
-pub(super) const ASIDE: f64 = 0.03;
 
 /// A map between given meshes, and how much of what is seen of the target has no image of its own.
 #[derive(Debug)]
@@ -151,7 +138,7 @@ fn placed(
             Some(wrapped) => scale * on_target.longest_edge(wrapped.anchors[v].point.face),
             None => 0.0,
         };
-        let place = if spread <= TORN * longest {
+        let place = if spread <= PULL_BACK.torn * longest {
             blend(places, weights)
         } else {
             images[nearest]
@@ -159,7 +146,7 @@ fn placed(
         let mut confidence: f64 = (0..3)
             .map(|i| weights[i] * map.confidence[corners[i] as usize])
             .sum();
-        if away > ON_ENVELOPE {
+        if away > FIGURE.on_envelope {
             confidence = 0.0;
         }
         let face = map.faces[nearest];
@@ -171,9 +158,12 @@ fn placed(
             return Placed { point, confidence };
         }
         let normal = vector::normalised(on_source.cross(face));
-        let height = (scale * height).clamp(-DEEPEST * extents[0], DEEPEST * extents[0]);
+        let height = (scale * height).clamp(
+            -PULL_BACK.deepest * extents[0],
+            PULL_BACK.deepest * extents[0],
+        );
         let goal = vector::add(place, vector::scaled(normal, height));
-        let point = lying_alike(given, goal, normal, ASIDE * extents[0]);
+        let point = lying_alike(given, goal, normal, PULL_BACK.aside * extents[0]);
         Placed { point, confidence }
     };
     (0..target.welded.vertices.len())
@@ -195,7 +185,7 @@ pub(super) fn lying_alike(
     let nearest = surface.nearest(goal);
     let is_alike = |face: u32| {
         let cross = surface.cross(face);
-        vector::dot(cross, normal).abs() > ALIKE * vector::norm(cross)
+        vector::dot(cross, normal).abs() > PULL_BACK.alike * vector::norm(cross)
     };
     if is_alike(nearest.face) {
         return nearest;

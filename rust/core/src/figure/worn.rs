@@ -5,46 +5,17 @@
 
 use rayon::prelude::*;
 
-use super::pull_back::{ASIDE, Placed, in_given_numbering, lying_alike};
+use super::pull_back::{Placed, in_given_numbering, lying_alike};
 use super::{Figure, FigureMap};
 use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::figure::settings::{PULL_BACK, WORN};
 use crate::matching::Correspondence;
 use crate::matching::problem::point_map::PointMaps;
 use crate::shape::Shape;
 use crate::transfer::Surface;
 use crate::watch::progress::Progress;
-
-/// Points of each surface that are asked where they lie, spread evenly over its area.
-const ASKED: usize = 2_000;
-
-/// Median and 97 % quantile of the gap, over the largest extent of the source, and share of the points that lie on one side:
-/// eleven garments, shoes, a hat and hair on their bodies have at most 0.018 and 0.055 and at least 0.83; of 70 pairs of whole
-/// characters at one place those with such gaps and as much uncovered have at most 0.74 on one side.
-const CLOSE: [f64; 2] = [0.02, 0.06];
-const ON_ONE_SIDE: f64 = 0.8;
-
-/// The same of a layer with an even gap, and by how many times its 97 % quantile is the median at most: a small figure beside a
-/// large one's leg has 1.6.
-const LAYER: [f64; 2] = [0.05, 0.08];
-const LAYER_ON_ONE_SIDE: f64 = 0.97;
-const EVEN: f64 = 1.5;
-
-/// The gap is at most this share of the target's own largest extent.
-const LARGEST_GAP: f64 = 0.5;
-
-/// What is worn runs along its wearer: mean |cosine| between its normals and those below. Garments, shoes, a hat and hair of
-/// two people have at least 0.65, their teeth 0.60 and 0.62; of 153 small figures that stand as near to a large one at most 0.59.
-const RUNS_ALONG: f64 = 0.59;
-
-/// What is worn leaves this share of the source's area uncovered, by more than [`COVERED`] of the largest extent: the garments
-/// leave 0.11, two bodies of one size at one place up to 0.08.
-const UNCOVERED: f64 = 0.1;
-const COVERED: f64 = 0.03;
-
-/// Gap at which confidence falls to 1/e, over the largest extent of the source.
-const REACH: f64 = 0.1;
 
 /// The map from what is worn to its wearer; nothing where the target is not worn by the source.
 pub(super) fn worn(
@@ -58,14 +29,14 @@ pub(super) fn worn(
     }
     progress.check()?;
     let size = vector::extent(&on_source.vertices);
-    let trust = |gap: f64| (-(gap / (REACH * size)).powi(2)).exp();
+    let trust = |gap: f64| (-(gap / (WORN.reach * size)).powi(2)).exp();
     let normals = on_target.vertex_normals();
     let placed: Vec<Placed> = (0..on_target.vertices.len())
         .into_par_iter()
         .map(|v| {
             progress.check()?;
             let place = on_target.vertices[v];
-            let point = lying_alike(on_source, place, normals[v], ASIDE * size);
+            let point = lying_alike(on_source, place, normals[v], PULL_BACK.aside * size);
             let gap = vector::distance(place, on_source.position(&point));
             Ok(Placed {
                 point,
@@ -117,7 +88,7 @@ fn between_matched(
 /// Whether the target is worn by the source.
 fn is_worn(source: &Surface, target: &Surface) -> bool {
     let size = vector::extent(&source.vertices);
-    let asked = spread(target, ASKED);
+    let asked = spread(target, WORN.asked);
     let mut outside = 0;
     let mut along = 0.0;
     let mut gaps: Vec<f64> = Vec::with_capacity(asked.len());
@@ -137,25 +108,26 @@ fn is_worn(source: &Surface, target: &Surface) -> bool {
     gaps.sort_by(f64::total_cmp);
     let [median, most] = [0.5, 0.97].map(|q| gaps[(q * (gaps.len() - 1) as f64) as usize]);
     // A small thing anywhere in a large one is no part of its clothes.
-    if median * size > LARGEST_GAP * vector::extent(&target.vertices) {
+    if median * size > WORN.largest_gap * vector::extent(&target.vertices) {
         return false;
     }
-    if along < RUNS_ALONG * gaps.len() as f64 {
+    if along < WORN.runs_along * gaps.len() as f64 {
         return false;
     }
     let outside = outside as f64 / gaps.len() as f64;
     let on_one_side = outside.max(1.0 - outside);
-    let is_close = median <= CLOSE[0] && most <= CLOSE[1] && on_one_side >= ON_ONE_SIDE;
-    let is_layer = median <= LAYER[0]
-        && most <= LAYER[1]
-        && most <= EVEN * median
-        && on_one_side >= LAYER_ON_ONE_SIDE;
+    let is_close =
+        median <= WORN.close[0] && most <= WORN.close[1] && on_one_side >= WORN.on_one_side;
+    let is_layer = median <= WORN.layer[0]
+        && most <= WORN.layer[1]
+        && most <= WORN.even * median
+        && on_one_side >= WORN.layer_on_one_side;
     if !is_close && !is_layer {
         return false;
     }
-    let asked = spread(source, ASKED);
-    let uncovered = below(target, source, &asked).filter(|b| b.gap / size > COVERED + median);
-    uncovered.count() as f64 >= UNCOVERED * asked.len() as f64
+    let asked = spread(source, WORN.asked);
+    let uncovered = below(target, source, &asked).filter(|b| b.gap / size > WORN.covered + median);
+    uncovered.count() as f64 >= WORN.uncovered * asked.len() as f64
 }
 
 /// What lies nearest to a place.
@@ -259,8 +231,8 @@ mod tests {
     #[test]
     fn places_are_spread_by_area() {
         let body = rings(RINGS, 0.0, 0.0);
-        let places = spread(&body, ASKED);
-        assert!(places.len().abs_diff(ASKED) <= 1);
+        let places = spread(&body, WORN.asked);
+        assert!(places.len().abs_diff(WORN.asked) <= 1);
         for &(place, _) in &places {
             let gap = vector::distance(place, body.position(&body.nearest(place)));
             // Rounding of coordinates up to 1.5.

@@ -4,15 +4,8 @@ use faer::{Mat, MatRef, Side};
 
 use crate::algebra::dense;
 use crate::error::{Error, Result, System};
+use crate::geodesics::settings::DISTANCE_OPERATOR;
 use crate::watch::progress::Check;
-
-/// Weight of the Dirichlet term against the data when whole distance fields are known: ten times
-/// more or less changes the reconstruction error in its third digit only.
-const DIRICHLET_WEIGHT: f64 = 1e-3;
-
-/// Data penalty μ of the interpolation from samples alone: 10² smooths distances away, 10⁶ rings
-/// when there are hardly more samples than eigenfunctions.
-pub const DATA_PENALTY: f64 = 1e4;
 
 /// α from distances of m samples to every vertex.
 ///
@@ -53,7 +46,7 @@ pub fn from_fields(
     }
     let gram = dense::product(at_samples.transpose(), at_samples.as_ref());
     let right = dense::product(at_samples.transpose(), projected.as_ref());
-    let weight = DIRICHLET_WEIGHT * samples.len() as f64 / values[k - 1];
+    let weight = DISTANCE_OPERATOR.dirichlet_weight * samples.len() as f64 / values[k - 1];
     let alpha = dense::solve_with_ridge(
         System::Shape,
         gram,

@@ -3,6 +3,7 @@
 use crate::algebra::vector;
 use crate::error::Result;
 use crate::geodesics::FastMarching;
+use crate::geodesics::settings::METRIC;
 use crate::mesh::Mesh;
 use crate::spectrum::laplacian::Laplacian;
 
@@ -41,11 +42,6 @@ pub struct Measured {
     /// Lengths around each vertex relative to those of the mesh's positions, `(n)`.
     pub length_factors: Vec<f64>,
 }
-
-/// Time of the diffusion that smooths the Gaussian curvature before it is used; unit area.
-const CURVATURE_HEAT_TIME: f64 = 3e-4;
-/// |K| is replaced by √(K² + this²); unit area.
-const CURVATURE_FLOOR: f64 = 5.0;
 
 impl Measured {
     /// Measures a checked mesh.
@@ -91,7 +87,7 @@ impl Measured {
 fn scale_invariant(mesh: &Mesh, laplacian: &Laplacian) -> (Vec<f64>, Vec<f64>) {
     let at_vertices: Vec<f64> = smoothed_curvature(mesh, laplacian)
         .iter()
-        .map(|k| k.hypot(CURVATURE_FLOOR))
+        .map(|k| k.hypot(METRIC.curvature_floor))
         .collect();
     let mut areas = vec![(0.0, 0.0); mesh.vertices.len()];
     let lengths = mesh
@@ -124,7 +120,7 @@ fn scale_invariant(mesh: &Mesh, laplacian: &Laplacian) -> (Vec<f64>, Vec<f64>) {
 /// Gaussian curvature at every vertex, diffused for a short time: (A + tW) K = A K₀.
 fn smoothed_curvature(mesh: &Mesh, laplacian: &Laplacian) -> Vec<f64> {
     // Below a vertex's share of the area there is nothing but the mesh.
-    let time = CURVATURE_HEAT_TIME.max(1.0 / laplacian.len() as f64);
+    let time = METRIC.curvature_heat_time.max(1.0 / laplacian.len() as f64);
     let apply = |x: &[f64]| -> Vec<f64> {
         laplacian
             .stiffness

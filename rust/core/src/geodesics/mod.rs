@@ -11,6 +11,7 @@ mod farthest_points;
 mod fast_marching;
 mod front_queue;
 pub mod metric;
+pub mod settings;
 
 pub use distances::{distances_from, distances_within};
 pub use farthest_points::farthest_points;

@@ -25,34 +25,11 @@ use crate::matching::refinement::coinciding::Placed;
 use crate::matching::refinement::embedded_surface;
 use crate::matching::refinement::regions;
 use crate::matching::search::{self, Width};
+use crate::matching::settings::CHOICE;
 use crate::matching::standing;
 use crate::matching::symmetry;
 use crate::shape::Shape;
 use crate::watch::progress::Progress;
-
-/// A map between a part and a whole is taken when its rank, without what it contradicts, is below this times
-/// that of the map between wholes: right ones reach 0.21 to 0.77; where the map between wholes is the better one they stay above
-/// 0.81, or leave over what [begins elsewhere](begins_at_boundary) than at a rim.
-const PART_FITS_BETTER: f64 = 0.8;
-/// The same where the part has no rim, as if nothing were cut off: between animals wrong ones reach 0.66.
-const CLOSED_PART_FITS_BETTER: f64 = 0.6;
-/// The same where given lengths say that it is a part and the map between wholes is doubtful: one that wraps a cut
-/// cat into a whole one reaches the rank of the right part.
-const KNOWN_PART_FITS_BETTER: f64 = 1.1;
-/// Misfit up to which a part lies on the whole where it was located.
-const FITS: f64 = 0.1;
-/// It does so clearly where this is so many times that of any other place.
-const CLEARLY_FITS: f64 = 0.9;
-/// Close hypotheses completed at most.
-const MOST_COMPLETED: usize = 3;
-/// Symmetries found on both shapes are the same when the best map that respects them has at most this times the
-/// rank of the best one that does not, each without what it contradicts: right ones stay below 1.1; from 1.36 on
-/// they bring nothing, or one of them was mistaken.
-const SAME_SYMMETRY: f64 = 1.35;
-/// Two images of a vertex that are farther apart than this are different.
-const ELSEWHERE: f64 = 0.05;
-/// Close maps that differ on at most this share of the target are compared on that part.
-const PART_AT_MOST: f64 = 0.5;
 
 /// Hypotheses for two whole shapes: by a narrow search alone where that finds a clear map without a rival; else also by how
 /// they stand, which is enough where they stand alike; else by a usual search as well, from both sides where the bodies differ,
@@ -130,7 +107,7 @@ pub(super) fn whole_or_part(
             Width::USUAL,
             (0.25, 0.35),
         ))?;
-        let bound = SAME_SYMMETRY * best[0].metrics.surface_cost();
+        let bound = CHOICE.same_symmetry * best[0].metrics.surface_cost();
         if more
             .first()
             .is_some_and(|m| m.metrics.surface_cost() < bound)
@@ -168,9 +145,9 @@ fn parts_and_wide<'a>(
         let mut found = found_or_none(as_part)?;
         let is_open = pair.shape(part_is).mesh.is_open();
         let better = if is_open {
-            PART_FITS_BETTER
+            CHOICE.part_fits_better
         } else {
-            CLOSED_PART_FITS_BETTER
+            CHOICE.closed_part_fits_better
         };
         if is_open {
             let placed = placed_at_assumed_lengths(pair, part_is, &found, progress)?;
@@ -273,9 +250,9 @@ fn with_part_of_given_lengths(
     let mut found = placed(pair, (part_is, lengths), &starts, progress)?;
     report(1.0)?;
     let better = if quality::doubtful(&whole) {
-        KNOWN_PART_FITS_BETTER
+        CHOICE.known_part_fits_better
     } else {
-        PART_FITS_BETTER
+        CHOICE.part_fits_better
     };
     if fits_better(&found, &whole, better) && begins_at_boundary(pair, part_is, &found[0]) {
         found.push(best.swap_remove(0));
@@ -335,8 +312,8 @@ fn located(pair: &Pair<'_>, progress: &Progress) -> Result<Vec<Hypothesis>> {
     let found = location::locations(pair, part_is, &check)?;
     let is_clear = match &found[..] {
         [] => false,
-        [best] => best.misfit < FITS,
-        [best, next, ..] => best.misfit < FITS.min(CLEARLY_FITS * next.misfit),
+        [best] => best.misfit < CHOICE.fits,
+        [best, next, ..] => best.misfit < CHOICE.fits.min(CHOICE.clearly_fits * next.misfit),
     };
     if !is_clear {
         return Ok(Vec::new());
@@ -427,7 +404,7 @@ pub(super) fn clearest(
         let relocate = |found| with_relocations(pair, &mut hypotheses, found, &complete, progress);
         first.map(relocate).transpose()?
     } else {
-        match &hypotheses[..ranking::rivals(&hypotheses).min(MOST_COMPLETED)] {
+        match &hypotheses[..ranking::rivals(&hypotheses).min(CHOICE.most_completed)] {
             [alone] => Some((0, completed_alone(pair, alone, progress, report)?)),
             close => best_of_close(pair, complete(close)?),
         }
@@ -477,14 +454,14 @@ fn fits_better_where_it_differs(
     let at = |images: &[u32], v: usize| source.mesh.vertices[images[v] as usize];
     let differs = |v: usize| {
         let apart = vector::sub(at(&map.images, v), at(&other.images, v));
-        vector::norm(apart) > ELSEWHERE
+        vector::norm(apart) > CHOICE.elsewhere
     };
     let part: Vec<u32> = (0..target.mesh.vertices.len())
         .filter(|&v| differs(v))
         .map(|v| v as u32)
         .collect();
     let share: f64 = part.iter().map(|&v| target.mass[v as usize]).sum();
-    if part.is_empty() || share > PART_AT_MOST {
+    if part.is_empty() || share > CHOICE.part_at_most {
         return false;
     }
     let misfit = |c: &Completed<'_>| -> f64 {

@@ -8,14 +8,11 @@ use crate::matching::problem::pair::{Coverage, Pair};
 use crate::matching::ranking::quality;
 use crate::matching::ranking::{self, Hypothesis, Metrics};
 use crate::matching::refinement::embedded_surface::{self, FULL, ISOMETRIC, Refined};
-use crate::matching::refinement::upsampling::UPSAMPLED_SIZE;
+use crate::matching::refinement::settings::UPSAMPLING;
 use crate::matching::result::confidence::local_distortion;
+use crate::matching::settings::COMPLETED;
 use crate::shape::Shape;
 use crate::watch::progress::Progress;
-
-/// Neighbours whose images are so much farther apart have been torn from one another: right maps of whole bodies leave
-/// at most 0.11, where limbs have grown together it is 0.1 to 0.6.
-const TORN_APART: f64 = 0.15;
 
 /// A refined map with what decides between close ones.
 pub(super) struct Completed<'a> {
@@ -80,7 +77,7 @@ fn torn(pair: &Pair<'_>, images: &[u32]) -> f64 {
     let at_tear = |v: usize| {
         target.neighbours.row(v).iter().any(|&u| {
             let images = [images[v], images[u as usize]];
-            apart(pair.source, images) > apart(target, [v as u32, u]) + TORN_APART
+            apart(pair.source, images) > apart(target, [v as u32, u]) + COMPLETED.torn_apart
         })
     };
     let vertices = (0..images.len()).filter(|&v| at_tear(v));
@@ -161,7 +158,7 @@ pub(super) fn judged(
     }
     let of_part = hypothesis
         .is_of_part()
-        .then(|| map.low_map(UPSAMPLED_SIZE))
+        .then(|| map.low_map(UPSAMPLING.upsampled_size))
         .transpose()?;
     let Metrics {
         contradiction,

@@ -10,6 +10,7 @@ pub mod ranking;
 pub mod refinement;
 pub mod result;
 pub mod search;
+pub mod settings;
 pub mod standing;
 pub mod symmetry;
 

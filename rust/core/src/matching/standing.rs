@@ -16,42 +16,11 @@ use crate::error::Result;
 use crate::matching::problem::pair::Pair;
 use crate::matching::problem::point_map::PointMaps;
 use crate::matching::ranking::{self, Hypothesis, judging, quality};
-use crate::matching::refinement::upsampling::UPSAMPLED_SIZE;
+use crate::matching::refinement::settings::UPSAMPLING;
 use crate::matching::search::{SampledBases, fit, gram};
+use crate::matching::settings::STANDING;
 use crate::shape::Shape;
 use crate::watch::progress::{Check, Progress};
-
-/// Samples of each figure in the registration.
-const SAMPLES: usize = 1_500;
-/// Of figures of height 1. Over 26 pairs of people, robots and animals at rest, 0.80 of the area comes to lie on the right
-/// bone or a neighbour of it, 0.67 before; 0.75 when drawn to places alone, 0.77 when both pulls are ten to a hundred times
-/// as strong, and the same in 15 or 30 rounds.
-const SETTINGS: Settings = Settings {
-    rounds: 12,
-    pull: [1e-5, 0.1],
-    to_place: 0.02,
-    normal: 0.1,
-    agreeing: 0.3,
-    both_ask: true,
-};
-/// Mean distance between samples after the registration, by the height and with normals, up to which figures may stand
-/// alike: 0.065 is the most of right maps.
-const FITS: f64 = 0.08;
-/// Agreement of curvatures from which they look alike: of 56 pairs of rigged figures right maps have 0.38 and more, wrong ones
-/// 0.33 and less.
-const LOOKS_ALIKE: f64 = 0.35;
-/// They stand alike where what they cost is below this times that of the best of a search: right ones cost 0.3 to 0.6 of it, 0.77
-/// that of two people of whom one waves.
-const CLEARLY_LESS: f64 = 0.7;
-/// A map found by a search from which that as they stand lies this far apart on average at most, √area, is the same but for what
-/// proportions change.
-const AGREE: f64 = 0.1;
-/// Figures are tried turned where they lie nearer to one another than as given, so many times at most.
-const MOST_TURNED: usize = 2;
-/// They are taken for turned where the cost is then below this, and below this times that as given: with other proportions
-/// wrong turns cost 0.07 to 0.12.
-const TURNED: f64 = 0.05;
-const BETTER_TURNED: f64 = 0.8;
 
 /// Which coordinate of a turned figure is which as given, and its sign.
 type Turn = [(usize, f64); 3];
@@ -139,7 +108,7 @@ fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
             let target = Figure::new(pair.target, turn, up, high - low);
             let source = Figure::new(pair.source, UNTURNED, up, high - low);
             let (here, there) = (target.sampled(of_target), source.sampled(of_source));
-            let misfit = misfit(here, there, SETTINGS.normal);
+            let misfit = misfit(here, there, STANDING.normal);
             Alignment { turn, up, misfit }
         };
         // Most figures stand along z.
@@ -158,7 +127,7 @@ fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
     let mut turned = found.split_off(1);
     turned.retain(|alignment| alignment.misfit < found[0].misfit);
     turned.sort_by(|a, b| a.misfit.total_cmp(&b.misfit));
-    found.extend(turned.into_iter().take(MOST_TURNED));
+    found.extend(turned.into_iter().take(STANDING.most_turned));
     found
 }
 
@@ -177,27 +146,36 @@ fn registered(
         volume_sign: pair.target.volume_sign,
     };
     let (moving, still) = (target.sampled(of_target), source.sampled(of_source));
-    let registered = registration::registered(moving, held, still, &SETTINGS, check)?;
+    let settings = Settings {
+        rounds: STANDING.rounds,
+        pull: STANDING.pull,
+        to_place: STANDING.to_place,
+        normal: STANDING.normal,
+        agreeing: STANDING.agreeing,
+        both_ask: true,
+    };
+    let registered = registration::registered(moving, held, still, &settings, check)?;
     Ok((registered, source))
 }
 
 /// The map between figures that stand alike in this way; nothing where they do not.
 fn aligned(pair: &Pair<'_>, alignment: &Alignment, check: Check<'_>) -> Result<Option<Hypothesis>> {
     let [of_target, of_source] =
-        [pair.target, pair.source].map(|shape| shape.drawn_vertices(SAMPLES));
+        [pair.target, pair.source].map(|shape| shape.drawn_vertices(STANDING.samples));
     let samples = [of_target.as_slice(), &of_source];
     let (target, source) = registered(pair, alignment, samples, check)?;
     let [here, there] = [target.sampled(&of_target), source.sampled(&of_source)];
-    if misfit(here, there, SETTINGS.normal) > FITS {
+    if misfit(here, there, STANDING.normal) > STANDING.fits {
         return Ok(None);
     }
     check()?;
     let [on_source, on_target] = nearest_samples(
         target.sampled(&pair.target.farthest),
         source.sampled(&pair.source.farthest),
-        SETTINGS.normal,
+        STANDING.normal,
     );
-    let size = UPSAMPLED_SIZE
+    let size = UPSAMPLING
+        .upsampled_size
         .min(pair.target.basis.values.len())
         .min(pair.source.basis.values.len());
     let [of_target, of_source] = [pair.target, pair.source].map(|shape| {
@@ -237,7 +215,7 @@ pub fn hypothesis(pair: &Pair<'_>, progress: &Progress) -> Result<Option<Hypothe
         .min_by(|a, b| cost(a).total_cmp(&cost(b)))
         .filter(|turned| {
             let as_given = as_given.as_ref().map_or(f64::INFINITY, cost);
-            cost(turned) < TURNED.min(BETTER_TURNED * as_given)
+            cost(turned) < STANDING.turned.min(STANDING.better_turned * as_given)
         });
     Ok(turned.or(as_given))
 }
@@ -257,13 +235,13 @@ pub fn beside(
     let may_be_part = [source, pair.target]
         .iter()
         .any(|shape| shape.mesh.is_open());
-    let may_be_enough = !may_be_part || map.metrics.agreement > LOOKS_ALIKE;
+    let may_be_enough = !may_be_part || map.metrics.agreement > STANDING.looks_alike;
     let Some(best) = searched.first() else {
         return (vec![map], may_be_enough);
     };
     map.metrics.mirrored_gain = best.metrics.mirrored_gain;
     let (cost, least) = (map.metrics.cost(), best.metrics.cost());
-    if source.mean_spectral_distance(map.judged_images(), best.judged_images()) <= AGREE {
+    if source.mean_spectral_distance(map.judged_images(), best.judged_images()) <= STANDING.agree {
         if cost < least {
             searched[0] = map;
         }
@@ -272,7 +250,7 @@ pub fn beside(
     if !may_be_part && quality::incomparable(&best.metrics) {
         return (vec![map], true);
     }
-    let is_enough = may_be_enough && cost < CLEARLY_LESS * least;
+    let is_enough = may_be_enough && cost < STANDING.clearly_less * least;
     (ranking::merged(source, searched, vec![map]), is_enough)
 }
 
@@ -330,7 +308,7 @@ mod tests {
         let constraints = Constraints::default();
         let pair = pair(&source, &target, Coverage::BOTH, &constraints);
         let as_given = alignments(&pair)[0];
-        let samples = [&target, &source].map(|shape| shape.drawn_vertices(SAMPLES));
+        let samples = [&target, &source].map(|shape| shape.drawn_vertices(STANDING.samples));
         let samples = [samples[0].as_slice(), &samples[1]];
         let (registered, onto) =
             registered(&pair, &as_given, samples, &|| Ok(())).expect("regular");

@@ -13,22 +13,10 @@ use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::{Coverage, LeftOut, Mirror, Pair};
 use crate::matching::refinement::upsampling;
 use crate::matching::search::{self, Width};
+use crate::matching::settings::SYMMETRY;
 use crate::shape::Shape;
 use crate::shape::nearest::nearest;
 use crate::watch::progress::Progress;
-
-/// Mean change of distances up to which a surface's map to itself counts as a symmetry: posed animals
-/// reach 0.043, a body with five unequal limbs has 0.046.
-const SYMMETRIC: f64 = 0.045;
-/// And over the orientation: posed animals stay below 0.1, shapes with holes or cuts exceed 0.14.
-const REVERSING: f64 = 0.1;
-/// Mean distance between a point and the image of its image up to which it does.
-const INVOLUTIVE: f64 = 0.06;
-/// Where distances from the mirror image begin to count alike: a man's feet are at 1.35, a gorilla's at 0.75. 0.3 to 1
-/// set the same gorillas right.
-const FAR: f32 = 0.5;
-/// Ridge of the smooth function through the samples' offsets, per sample.
-const RIDGE: f64 = 1e-3;
 
 /// Distance of each vertex from its mirror image, √area; `None` for a surface without a mirror symmetry.
 ///
@@ -57,7 +45,7 @@ pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f
     let offsets = Mat::from_fn(samples.len(), 1, |i, _| distances[(i, images[i] as usize)]);
     let gram = dense::product(basis.transpose(), basis.as_ref());
     let right = dense::product(basis.transpose(), offsets.as_ref());
-    let ridge = RIDGE * samples.len() as f64;
+    let ridge = SYMMETRY.ridge * samples.len() as f64;
     let coefficients = dense::solve_with_ridge(System::Map, gram, |_| ridge, right.as_ref())?;
     let smooth = dense::product(shape.functions(k), coefficients.as_ref());
     let above_zero = smooth.col(0).iter().map(|&s| s.max(0.0) as f32);
@@ -67,7 +55,7 @@ pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f
 /// What a distance s from the mirror image counts in comparing two shapes: FAR · (1 − exp(−s / FAR)).
 #[must_use]
 pub fn counted(offset: f32) -> f32 {
-    -FAR * (-offset / FAR).exp_m1()
+    -SYMMETRY.far * (-offset / SYMMETRY.far).exp_m1()
 }
 
 /// The best map of a shape to itself that keeps the orientation and is far from the identity, `(60, 60)`; `None` where the search
@@ -118,5 +106,7 @@ fn is_symmetry(images: &[u32], distances: &Mat<f64>, orientation: f64) -> bool {
         }
     }
     change /= (count * count) as f64;
-    change < SYMMETRIC && change < REVERSING * orientation && back < INVOLUTIVE * count as f64
+    change < SYMMETRY.symmetric
+        && change < SYMMETRY.reversing * orientation
+        && back < SYMMETRY.involutive * count as f64
 }

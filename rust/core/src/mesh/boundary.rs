@@ -5,9 +5,7 @@ use rayon::prelude::*;
 use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
 use crate::mesh::Mesh;
-
-/// Distance to a rim at which a vertex counts 1/e as much as on it.
-const REACH: f64 = 0.03;
+use crate::mesh::settings::BOUNDARY;
 
 /// How near each vertex lies to a rim, 1 on it; zeros where there is none.
 #[must_use]
@@ -20,7 +18,7 @@ pub fn nearness(mesh: &Mesh) -> Vec<f64> {
     let tree = SpaceTree::new(&rim);
     let near = |&p: &Point| {
         tree.nearest(p).map_or(0.0, |r| {
-            (-(vector::distance(p, rim[r as usize]) / REACH).powi(2)).exp()
+            (-(vector::distance(p, rim[r as usize]) / BOUNDARY.reach).powi(2)).exp()
         })
     };
     mesh.vertices.par_iter().map(near).collect()
@@ -33,7 +31,7 @@ pub fn nearness_at(distance: f64, nearness: f64) -> f64 {
         // As everywhere on closed surfaces: no power is worked out.
         0.0
     } else {
-        nearness.powf((REACH / distance).powi(2))
+        nearness.powf((BOUNDARY.reach / distance).powi(2))
     }
 }
 

@@ -3,17 +3,9 @@
 use rayon::prelude::*;
 
 use crate::algebra::vector::{self, Point};
+use crate::mesh::settings::CONVEXITY;
 use crate::mesh::{Adjacency, Mesh};
 
-/// Radius within which a surface bulges or not, about that of a limb.
-const REACH: f64 = 0.08;
-/// Mean height over the tangent plane within the reach, by the reach, at which a vertex draws by half, and the width of
-/// the change around it. A plane has 0, a crease more, a cylinder of radius r about −reach/8r: a trunk of radius 0.2
-/// lies at the bound.
-const FLAT: f64 = -0.05;
-const FLAT_WIDTH: f64 = 0.02;
-/// Cosine of normals below which a surface near by is the other side of something thin.
-const OTHER_SIDE: f64 = -0.2;
 /// Vertices that one thread looks at in a row.
 const VERTICES_AT_ONCE: usize = 256;
 
@@ -87,7 +79,8 @@ impl Surface<'_> {
         let (here, normal) = (at[v as usize], normals[v as usize]);
         let near = |u: usize| {
             let off = vector::sub(at[u], here);
-            vector::dot(off, off) < REACH * REACH && vector::dot(normals[u], normal) > OTHER_SIDE
+            vector::dot(off, off) < CONVEXITY.reach * CONVEXITY.reach
+                && vector::dot(normals[u], normal) > CONVEXITY.other_side
         };
         region.clear();
         region.push(v);
@@ -104,8 +97,8 @@ impl Surface<'_> {
                 }
             }
         }
-        let height = self.volume_sign * height / (area * REACH);
-        1.0 / (1.0 + ((height - FLAT) / FLAT_WIDTH).exp())
+        let height = self.volume_sign * height / (area * CONVEXITY.reach);
+        1.0 / (1.0 + ((height - CONVEXITY.flat) / CONVEXITY.flat_width).exp())
     }
 }
 

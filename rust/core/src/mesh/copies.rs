@@ -10,27 +10,9 @@ use rayon::prelude::*;
 use super::Adjacency;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::mesh::settings::COPIES;
 use crate::watch::progress::Check;
 
-/// Difference of lengths up to which edges are the same, over the extent: what coordinates in single precision are wrong by,
-/// tenfold.
-pub const SAME: f64 = 1e-5;
-/// Relative difference of lengths up to which edges of a posed piece are alike.
-const ALIKE: f64 = 0.01;
-/// Share of the edges that are alike in a copy that is bent: a rig leaves most of a piece as it is, and pieces that merely have the
-/// same triangles, as bodies made from one base, have no such ratio in common.
-const MOST: f64 = 0.5;
-/// Edges that may be unlike beside that share, so that a piece can begin at a joint.
-const FIRST: usize = 32;
-/// Fewest triangles of a piece that is told by them.
-const FEWEST_FACES: usize = 12;
-/// Triangles among which those are chosen that fewest others are similar to, and how many of these are laid.
-const DRAWN: usize = 50;
-const SEEDS: usize = 4;
-/// Triangles that each is laid onto.
-const TRIED: usize = 32;
-/// Ways to lay a piece from which the best is chosen, where none keeps all edges.
-const WAYS: usize = 8;
 /// No vertex.
 const NONE: u32 = u32::MAX;
 
@@ -66,7 +48,7 @@ pub fn originals(
     check: Check<'_>,
 ) -> Result<Vec<Option<Original>>> {
     let mut found = vec![None; target.vertices.len()];
-    if source.faces.len() < FEWEST_FACES {
+    if source.faces.len() < COPIES.fewest_faces {
         return Ok(found);
     }
     let similar = Similar::new(source);
@@ -74,7 +56,7 @@ pub fn originals(
         source: Side::new(source),
         target: Side::new(target),
         mirrored,
-        same: SAME * vector::extent(target.vertices),
+        same: COPIES.same * vector::extent(target.vertices),
         image: vec![NONE; target.vertices.len()],
         taken: vec![false; source.vertices.len()],
         laid: vec![false; target.faces.len()],
@@ -82,7 +64,7 @@ pub fn originals(
     };
     for piece in search.pieces() {
         check()?;
-        if piece.len() < FEWEST_FACES || piece.len() > source.faces.len() {
+        if piece.len() < COPIES.fewest_faces || piece.len() > source.faces.len() {
             continue;
         }
         let seeds = search.rarest(&piece, &similar);
@@ -187,13 +169,17 @@ impl Search<'_> {
 
     /// Of faces drawn from a piece, those that fewest of the source are similar to, but some.
     fn rarest(&self, piece: &[u32], similar: &Similar) -> Vec<usize> {
-        let every = piece.len().div_ceil(DRAWN);
+        let every = piece.len().div_ceil(COPIES.drawn);
         let drawn = piece.iter().step_by(every).map(|&f| f as usize);
         let count = |face: usize| similar.to(&edges(self.target.mesh, face)).count();
         let mut counted: Vec<(usize, usize)> = drawn.map(|face| (count(face), face)).collect();
         counted.retain(|&(count, _)| count > 0);
         counted.sort_unstable();
-        counted.iter().take(SEEDS).map(|&(_, face)| face).collect()
+        counted
+            .iter()
+            .take(COPIES.seeds)
+            .map(|&(_, face)| face)
+            .collect()
     }
 
     /// The best way to lay a piece of so many faces from a seed, and whether it is the only one.
@@ -219,8 +205,8 @@ impl Search<'_> {
         onto.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut ways: Vec<Laid> = Vec::new();
         let (mut keeping, mut is_found) = (0, false);
-        for (_, face) in onto.into_iter().take(TRIED) {
-            if is_found && keeping > 1 || keeping == 0 && ways.len() >= WAYS {
+        for (_, face) in onto.into_iter().take(COPIES.tried) {
+            if is_found && keeping > 1 || keeping == 0 && ways.len() >= COPIES.ways {
                 break;
             }
             for turn in 0..3 {
@@ -311,7 +297,7 @@ impl Search<'_> {
                 let here = self.target.length(a, b);
                 let off = (here - ratio * self.source.length(p, q)).abs();
                 counted += 1;
-                alike += usize::from(off <= ALIKE * here + self.same);
+                alike += usize::from(off <= COPIES.alike * here + self.same);
                 all_same &= off <= self.same;
                 let (from, to) = if self.mirrored { (p, q) } else { (q, p) };
                 let there = self.source.with_edge(from, to);
@@ -333,12 +319,12 @@ impl Search<'_> {
                     open.push(([b, a, own_third], [q, p, third]));
                 }
             }
-            if ((alike + FIRST) as f64) < MOST * counted as f64 {
+            if ((alike + COPIES.first) as f64) < COPIES.most * counted as f64 {
                 return None;
             }
         }
         let share = alike as f64 / counted as f64;
-        (all_same || share >= MOST && !is_part).then_some((all_same, share))
+        (all_same || share >= COPIES.most && !is_part).then_some((all_same, share))
     }
 
     fn edge(&self, own: [u32; 3], k: usize) -> f64 {
@@ -361,14 +347,16 @@ impl Search<'_> {
     }
 }
 
-/// Faces by their shapes, the middle and the shortest edge over the longest, in cells of a square grid of [`ALIKE`].
+/// Faces by their shapes, the middle and the shortest edge over the longest, in cells of a square grid of `COPIES.alike`.
 struct Similar {
     shapes: Vec<[f64; 2]>,
     cells: Adjacency,
 }
 
 /// Cells along a side, with one around them.
-const CELLS: usize = (1.0 / ALIKE) as usize + 3;
+fn cells() -> usize {
+    (1.0 / COPIES.alike) as usize + 3
+}
 
 impl Similar {
     fn new(mesh: Triangles<'_>) -> Self {
@@ -377,7 +365,7 @@ impl Similar {
         let faces = shapes.iter().enumerate();
         let faces = faces.filter(|(_, shape)| shape.iter().all(|ratio| ratio.is_finite()));
         let in_cells = faces.map(|(face, shape)| (cell(*shape), face as u32));
-        let cells = Adjacency::from_lists(CELLS * CELLS, in_cells);
+        let cells = Adjacency::from_lists(cells() * cells(), in_cells);
         Self { shapes, cells }
     }
 
@@ -388,15 +376,15 @@ impl Similar {
         let middle = if is_triangle {
             cell(wanted) as usize
         } else {
-            CELLS + 1
+            cells() + 1
         };
-        let rows = [middle - CELLS, middle, middle + CELLS].into_iter();
+        let rows = [middle - cells(), middle, middle + cells()].into_iter();
         let near = rows.flat_map(|row| [row - 1, row, row + 1]);
         near.flat_map(|cell| self.cells.row(cell))
             .filter_map(move |&face| {
                 let [a, b] = self.shapes[face as usize];
                 let unlike = (a - wanted[0]).abs().max((b - wanted[1]).abs());
-                (unlike <= ALIKE).then_some((unlike, face))
+                (unlike <= COPIES.alike).then_some((unlike, face))
             })
     }
 }
@@ -408,8 +396,8 @@ fn shape([short, middle, long]: [f64; 3]) -> [f64; 2] {
 
 /// Cell of a shape, whose ratios are in [0, 1].
 fn cell(shape: [f64; 2]) -> u32 {
-    let [a, b] = shape.map(|ratio| (ratio / ALIKE) as usize + 1);
-    (a * CELLS + b) as u32
+    let [a, b] = shape.map(|ratio| (ratio / COPIES.alike) as usize + 1);
+    (a * cells() + b) as u32
 }
 
 /// Lengths of a face's edges in ascending order.

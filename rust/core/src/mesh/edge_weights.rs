@@ -1,11 +1,8 @@
 //! Positive cotangent weights of a surface's edges.
 
 use crate::algebra::vector::{self, Point};
+use crate::mesh::settings::EDGE_WEIGHTS;
 use crate::mesh::{Adjacency, LEAST_RELATIVE_AREA};
-
-/// Least weight of an edge. Cotangents below zero would let an average of neighbours leave their
-/// range and a stretched edge pay off.
-const LEAST: f64 = 1e-2;
 
 /// Neighbours with weights: how strongly they pull at a vertex.
 #[derive(Debug)]
@@ -67,7 +64,12 @@ impl EdgeWeights {
             for run in row.chunk_by(|a, b| a.0 == b.0) {
                 if run[0].0 != v {
                     entries.push(run[0].0);
-                    weights.push(run.iter().map(|half| half.1).sum::<f64>().max(LEAST));
+                    weights.push(
+                        run.iter()
+                            .map(|half| half.1)
+                            .sum::<f64>()
+                            .max(EDGE_WEIGHTS.least),
+                    );
                 }
             }
             starts.push(entries.len() as u32);

@@ -2,20 +2,11 @@
 
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
-
-/// Fewest vertices of the largest part for which a spectrum says anything.
-pub const FEWEST_VERTICES: usize = 32;
+use crate::mesh::settings::INTAKE;
 
 /// A face counts as flat when its area is below this fraction of the square of its longest edge: in
 /// double precision its angles are then noise.
 pub(crate) const LEAST_RELATIVE_AREA: f64 = 1e-12;
-
-/// A mesh has no surface when its area is below this fraction of the square of its reach: then the
-/// area is rounding. Of a hair a thousand times as long as thick it is 1e-3.
-const LEAST_SURFACE: f64 = 1e-9;
-/// A face is a needle when its area is below this fraction of the square of its longest edge. A
-/// cotangent there can be as large as the inverse, which is what rounding in the eigensolver grows by.
-const NEEDLE_RELATIVE_AREA: f64 = 1e-6;
 
 /// What the intake ignored or mended. Nothing is dropped without being counted here.
 #[derive(Debug, Clone, Default, PartialEq, Eq)]
@@ -181,10 +172,10 @@ impl Mesh {
         for (new, &old) in input_vertex.iter().enumerate() {
             new_id[old as usize] = new as u32;
         }
-        if input_vertex.len() < FEWEST_VERTICES {
+        if input_vertex.len() < INTAKE.fewest_vertices {
             return Err(Error::TooFewVertices {
                 found: input_vertex.len(),
-                wanted: FEWEST_VERTICES,
+                wanted: INTAKE.fewest_vertices,
             });
         }
         let faces: Vec<[u32; 3]> = kept
@@ -198,7 +189,7 @@ impl Mesh {
 
         let (area, centre) = area_and_centroid(&positions, &faces);
         let reach = positions.iter().map(|&p| vector::distance(p, centre));
-        if area <= LEAST_SURFACE * reach.fold(0.0, f64::max).powi(2) {
+        if area <= INTAKE.least_surface * reach.fold(0.0, f64::max).powi(2) {
             return Err(Error::EmptyMesh {
                 vertices: vertices.len(),
                 faces: faces.len(),
@@ -250,7 +241,7 @@ impl Mesh {
             && self
                 .faces
                 .iter()
-                .all(|&face| relative_area(&self.vertices, face) > NEEDLE_RELATIVE_AREA)
+                .all(|&face| relative_area(&self.vertices, face) > INTAKE.needle_relative_area)
     }
 
     /// A point of this mesh in given coordinates.
@@ -507,7 +498,7 @@ fn drop_flat_faces(positions: &[Point], faces: &mut FacesWithIds, report: &mut I
 }
 
 /// Keeps the part connected through shared vertices that has the largest area among those with
-/// [`FEWEST_VERTICES`], or among all where none has so many.
+/// `INTAKE.fewest_vertices`, or among all where none has so many.
 fn drop_smaller_components(
     vertices: usize,
     positions: &[Point],
@@ -535,7 +526,7 @@ fn drop_smaller_components(
         size[find(&mut parent, v as u32) as usize] += 1;
     }
     let parts = (0..vertices).filter(|&v| size[v] > 0);
-    let rank = |v: usize| (size[v] >= FEWEST_VERTICES, area[v]);
+    let rank = |v: usize| (size[v] >= INTAKE.fewest_vertices, area[v]);
     // Of equals the first, whatever comes later.
     let main = parts
         .clone()

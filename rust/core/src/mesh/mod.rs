@@ -10,6 +10,7 @@ pub mod copies;
 pub mod edge_weights;
 mod intake;
 pub mod polygons;
+pub mod settings;
 pub mod simplification;
 pub mod strays;
 pub mod surface_point;

@@ -4,16 +4,9 @@ use std::cmp::Ordering;
 use std::collections::BinaryHeap;
 
 use crate::error::{Error, Result};
+use crate::mesh::settings::POLYGONS;
 use crate::watch::progress::Check;
 
-/// A corner is hollow when it turns back by more than this share of the polygon's largest turn: rounding stays
-/// below, and what is less hollow does not show.
-const HOLLOW: f64 = 1e-9;
-/// How often corners that were no ears are looked at again. A polygon that does not cross itself needs two or three.
-const ROUNDS: usize = 8;
-/// Corners that may be looked at for each corner of a polygon, on average, before the rest of it becomes a fan. A star
-/// of 20,000 hollow corners needs fewer than 100; one that crosses itself everywhere would need all of them.
-const LOOKS: usize = 20_000;
 /// Corners between two questions whether to stop.
 const CHECKED: usize = 1 << 14;
 
@@ -112,7 +105,7 @@ fn hollow_in_plane(vertices: &[[f64; 3]], polygon: &[i64]) -> Option<Vec<[f64; 2
         least = least.min(turn);
         largest = largest.max(turn.abs());
     }
-    if least >= -HOLLOW * largest {
+    if least >= -POLYGONS.hollow * largest {
         return None;
     }
     let axis = (0..3)
@@ -196,7 +189,7 @@ impl Clipping {
             is_hollow: vec![false; flat.len()],
             sorted: [(0..count).collect(), (0..count).collect()],
             left: flat.len(),
-            looks: LOOKS * flat.len(),
+            looks: POLYGONS.looks * flat.len(),
             flat,
         };
         clipping.sort();
@@ -210,7 +203,7 @@ impl Clipping {
     fn cut(mut self, check: Check<'_>, tell: &mut impl FnMut([u32; 3])) -> Result<()> {
         let mut waiting = BinaryHeap::new();
         let mut since = 0_usize;
-        for _ in 0..ROUNDS {
+        for _ in 0..POLYGONS.rounds {
             // Corners that were blocked may have come free.
             waiting.clear();
             for corner in 0..self.flat.len() as u32 {

@@ -3,16 +3,7 @@
 //! means anything.
 
 use crate::algebra::vector::{self, Point};
-
-/// A vertex is far out when it is more than so many times as far from the middle as the farthest vertex of the rest: no
-/// limb, tail or lance of one vertex reaches so far, and at 3 the spike has a tenth of the area of a body of 1,500 vertices.
-const GAP: f64 = 3.0;
-
-/// Of so many vertices one may be far out.
-const ONE_OF: usize = 100;
-
-/// A spike is so many times as long as its foot is wide: a vertex that is far out over a wide foot is the tip of a cone.
-const SLENDER: f64 = 20.0;
+use crate::mesh::settings::{INTAKE, STRAYS};
 
 /// Places of vertices with the strays among them laid between their neighbours.
 #[derive(Debug, Clone, PartialEq)]
@@ -25,8 +16,8 @@ pub struct Settled {
 
 /// Lays each stray vertex into the mean of its neighbours; nothing where there is none, which is on nearly every mesh.
 ///
-/// Stray are the outermost vertices, at most one of [`ONE_OF`], that are [`GAP`] times as far from the median of all as any
-/// other, and that triangles join to the rest over feet [`SLENDER`] times narrower than the spikes are long. Copies at one
+/// Stray are the outermost vertices, at most one of `STRAYS.one_of`, that are `STRAYS.gap` times as far from the median of all as any
+/// other, and that triangles join to the rest over feet `STRAYS.slender` times narrower than the spikes are long. Copies at one
 /// place stay at one place. Coordinates have to be finite and `faces` in range. O(n).
 #[must_use]
 pub fn settled(vertices: &[Point], faces: &[[u32; 3]]) -> Option<Settled> {
@@ -66,7 +57,7 @@ pub fn settled(vertices: &[Point], faces: &[[u32; 3]]) -> Option<Settled> {
         let middle = mean(&feet);
         let width = feet.iter().map(|&p| scaled_distance(p, middle));
         let width = width.fold(0.0, f64::max);
-        if scaled_distance(vertices[v as usize], middle) < SLENDER * width {
+        if scaled_distance(vertices[v as usize], middle) < STRAYS.slender * width {
             return None;
         }
         place[own] = Some(middle);
@@ -111,7 +102,7 @@ fn distances_from_the_middle(vertices: &[Point], faces: &[[u32; 3]]) -> Option<V
         away[v as usize] = 0.0;
     }
     let used: Vec<usize> = (0..vertices.len()).filter(|&v| away[v] == 0.0).collect();
-    if used.len() < super::FEWEST_VERTICES {
+    if used.len() < INTAKE.fewest_vertices {
         return None;
     }
     let middle = [0, 1, 2].map(|axis| {
@@ -130,7 +121,7 @@ fn far_out(away: &[f64]) -> Vec<u32> {
     let mut used: Vec<u32> = (0..away.len() as u32)
         .filter(|&v| away[v as usize] >= 0.0)
         .collect();
-    let most = (used.len() / ONE_OF).max(1);
+    let most = (used.len() / STRAYS.one_of).max(1);
     let farther = |a: &u32, b: &u32| {
         let order = away[*b as usize].total_cmp(&away[*a as usize]);
         order.then(a.cmp(b))
@@ -141,7 +132,7 @@ fn far_out(away: &[f64]) -> Vec<u32> {
     let distance = |place: usize| away[used[place] as usize];
     let last = (0..most)
         .rev()
-        .find(|&place| distance(place) > GAP * distance(place + 1));
+        .find(|&place| distance(place) > STRAYS.gap * distance(place + 1));
     used.truncate(last.map_or(0, |place| place + 1));
     used.sort_unstable();
     used

@@ -9,18 +9,7 @@
 use super::edge_faces;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
-
-/// Vertices nearer than this fraction of the diagonal of the bounding box are at one place. Copies that an exporter made
-/// of one vertex are equal to the last bit or to rounding in single precision, 6e-8 of their coordinates and a few times
-/// that after a node's transform; the closest distinct details of modelled characters are 1e-4 of their size.
-pub const WELD_TOLERANCE: f64 = 1e-6;
-
-/// Where more than this share of the faces lie on another, a sheet was given twice; a pinched edge leaves two of ten thousand.
-const DOUBLED: f64 = 0.01;
-
-/// Points so many times the size of the rest away from it do not count for the size: a piece that was left a thousand
-/// body heights away would weld fingers, and no figure has a hundredth of its vertices so far out.
-const FAR: f64 = 3.0;
+use crate::mesh::settings::WELD;
 
 /// Width of a cell of the grid in tolerances: three of four points, wherever they are, look into one cell only along an axis.
 const CELL: f64 = 8.0;
@@ -62,7 +51,7 @@ pub struct Welded {
 }
 
 impl Welded {
-    /// Welds the vertices of a mesh within [`WELD_TOLERANCE`].
+    /// Welds the vertices of a mesh within `WELD.weld_tolerance`.
     ///
     /// A vertex joins the first earlier class whose first vertex is within the tolerance. Vertices that are not finite
     /// stay alone, and unless a sheet was given twice those with faces all around: a surface that touches itself there is
@@ -82,7 +71,9 @@ impl Welded {
             }
         }
         let (mut class, mut first) = classes(vertices, faces, &|_| true);
-        if first.len() < vertices.len() && copies(faces, &class) <= DOUBLED * faces.len() as f64 {
+        if first.len() < vertices.len()
+            && copies(faces, &class) <= WELD.doubled * faces.len() as f64
+        {
             let at_seam = at_boundary(vertices.len(), faces);
             (class, first) = classes(vertices, faces, &|v| at_seam[v as usize]);
         }
@@ -159,7 +150,7 @@ fn classes(
     let half = [0, 1, 2].map(|i| (high[i] / 2.0 - low[i] / 2.0).max(0.0));
     let reach = half.into_iter().fold(0.0, f64::max) * 2.0;
     let unit = if reach > 0.0 { reach } else { 1.0 };
-    let tolerance = WELD_TOLERANCE * 2.0 * vector::norm(half.map(|x| x / unit));
+    let tolerance = WELD.weld_tolerance * 2.0 * vector::norm(half.map(|x| x / unit));
     let cell = if tolerance > 0.0 {
         CELL * tolerance
     } else {
@@ -194,7 +185,7 @@ fn classes(
     (class, first)
 }
 
-/// The bounding box of points, but for those so far out that they say nothing of the size of the rest: beyond [`FAR`]
+/// The bounding box of points, but for those so far out that they say nothing of the size of the rest: beyond `WELD.far`
 /// times the largest extent of all but a hundredth at either end of each axis.
 fn bulk(points: &[Point]) -> [Point; 2] {
     if points.is_empty() {
@@ -213,7 +204,7 @@ fn bulk(points: &[Point]) -> [Point; 2] {
         .fold(0.0, f64::max);
     let near = |axis: usize, x: f64| {
         let [low, high] = ends[axis];
-        low / 2.0 - x / 2.0 <= FAR * extent && x / 2.0 - high / 2.0 <= FAR * extent
+        low / 2.0 - x / 2.0 <= WELD.far * extent && x / 2.0 - high / 2.0 <= WELD.far * extent
     };
     let mut bounds = [ends.map(|[low, _]| low), ends.map(|[_, high]| high)];
     for p in points {
@@ -374,7 +365,7 @@ mod tests {
     fn the_tolerance_parts_what_is_one_place_from_what_is_two() {
         let diagonal = 3f64.sqrt();
         for (gap, joined) in [(0.9, true), (1.1, false)] {
-            let d = gap * WELD_TOLERANCE * diagonal;
+            let d = gap * WELD.weld_tolerance * diagonal;
             for axis in 0..3 {
                 for start in [0.0, 0.5, 0.123_456_7] {
                     let mut one = [start; 3];

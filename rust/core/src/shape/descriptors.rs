@@ -6,39 +6,17 @@ use crate::algebra::dense::{self, Rows};
 use crate::algebra::vector;
 use crate::error::{Result, System};
 use crate::mesh::{self, Mesh};
+use crate::shape::settings::DESCRIPTORS;
 use crate::spectrum::eigenbasis::Eigenbasis;
 use crate::spectrum::laplacian::Laplacian;
 use crate::watch::progress::Check;
 
 /// Energies at which the wave kernel is evaluated.
 pub const WAVE_ENERGIES: usize = 60;
-/// Width of each energy band in steps between energies.
-const WAVE_BAND_STEPS: f64 = 7.0;
-/// Eigenpairs that the wave kernel uses.
-const WAVE_PAIRS: usize = 100;
-/// Added inside the logarithm, relative to the mean.
-const WAVE_FLOOR: f64 = 1e-3;
-/// Mean curvature at unit area is clipped here: a radius of 1/50 of √area is a sharp spike.
-const CURVATURE_LIMIT: f64 = 50.0;
-/// Heat time that smooths the curvature column; unit area.
-const CURVATURE_HEAT_TIME: f64 = 3e-3;
 /// Heat times of curvatures: from a finger's width to a limb's.
 pub const HEAT_TIMES: [f64; 4] = [3e-4, 1e-3, 3e-3, 1e-2];
 /// How many of these curvatures the detail begins with; they help the refinement.
 pub const DETAIL_CURVATURES: usize = HEAT_TIMES.len();
-/// Of how many of them is told what distances cannot: a limb's and a chest's change with poses and builds, and prefer bodies that
-/// are turned front to back.
-const EXTRINSIC_CURVATURES: usize = 3;
-/// Weight of √t h in the refinement. From 0.1 to 0.25 errors change little; 0.8 doubles them.
-const DETAIL_CURVATURE_WEIGHT: f64 = 0.15;
-/// Weight of the wave kernel in the refinement; more helps one body in many poses and harms others.
-const DETAIL_WAVE_WEIGHT: f64 = 0.03;
-/// Neighbouring energies say nearly the same: every so many of them are used.
-const DETAIL_WAVE_STEP: usize = 6;
-/// The same of the energies that curvatures are explained by.
-const EXPLAINING_WAVE_STEP: usize = 3;
-/// Ridge of that, relative to the mean variance of a wave kernel value.
-const EXPLAINING_RIDGE: f64 = 1e-6;
 
 /// Pointwise descriptors of every vertex.
 #[derive(Debug, Clone)]
@@ -78,7 +56,13 @@ impl Descriptors {
         let waves = wave_kernel(mass, values, functions, check)?;
         check()?;
         let raw = mean_curvature(mesh, laplacian, length_factors);
-        let coarse = diffused(&raw, mass, values, functions, CURVATURE_HEAT_TIME);
+        let coarse = diffused(
+            &raw,
+            mass,
+            values,
+            functions,
+            DESCRIPTORS.curvature_heat_time,
+        );
         let power: f64 = mass.iter().zip(&coarse).map(|(a, h)| a * h * h).sum();
         let scale = if power > 0.0 { power.sqrt() } else { 1.0 };
         let mut rows = Rows::zeros(n, WAVE_ENERGIES + 1);
@@ -91,15 +75,16 @@ impl Descriptors {
         }
         check()?;
         let curvatures = smoothed_curvatures(mesh, basis, coordinates);
-        let wave_weight = DETAIL_WAVE_WEIGHT * (DETAIL_WAVE_STEP as f64).sqrt();
+        let wave_weight =
+            DESCRIPTORS.detail_wave_weight * (DESCRIPTORS.detail_wave_step as f64).sqrt();
         let detail = Mat::from_fn(
             n,
-            DETAIL_CURVATURES + WAVE_ENERGIES / DETAIL_WAVE_STEP,
+            DETAIL_CURVATURES + WAVE_ENERGIES / DESCRIPTORS.detail_wave_step,
             |i, c| {
                 let value = if c < DETAIL_CURVATURES {
-                    DETAIL_CURVATURE_WEIGHT * curvatures[(i, c)]
+                    DESCRIPTORS.detail_curvature_weight * curvatures[(i, c)]
                 } else {
-                    wave_weight * waves[(i, DETAIL_WAVE_STEP * (c - DETAIL_CURVATURES))]
+                    wave_weight * waves[(i, DESCRIPTORS.detail_wave_step * (c - DETAIL_CURVATURES))]
                 };
                 value as f32
             },
@@ -110,7 +95,7 @@ impl Descriptors {
             extrinsic: unexplained(
                 mass,
                 waves.as_ref(),
-                curvatures.subcols(0, EXTRINSIC_CURVATURES),
+                curvatures.subcols(0, DESCRIPTORS.extrinsic_curvatures),
             )?,
         })
     }
@@ -122,10 +107,13 @@ fn unexplained(
     waves: MatRef<'_, f64>,
     curvatures: MatRef<'_, f64>,
 ) -> Result<Mat<f32>> {
-    let (n, used) = (waves.nrows(), WAVE_ENERGIES / EXPLAINING_WAVE_STEP);
+    let (n, used) = (
+        waves.nrows(),
+        WAVE_ENERGIES / DESCRIPTORS.explaining_wave_step,
+    );
     let unit = (WAVE_ENERGIES as f64).sqrt();
     let explaining = Mat::from_fn(n, 2 * used + 1, |i, c| {
-        let wave = |at: usize| unit * waves[(i, EXPLAINING_WAVE_STEP * at)];
+        let wave = |at: usize| unit * waves[(i, DESCRIPTORS.explaining_wave_step * at)];
         match c / used {
             0 => wave(c),
             1 => wave(c - used).powi(2),
@@ -135,7 +123,12 @@ fn unexplained(
     let weighted = Mat::from_fn(n, explaining.ncols(), |i, c| mass[i] * explaining[(i, c)]);
     let gram = dense::product(weighted.transpose(), explaining.as_ref());
     let right = dense::product(weighted.transpose(), curvatures);
-    let fit = dense::solve_with_ridge(System::Shape, gram, |_| EXPLAINING_RIDGE, right.as_ref())?;
+    let fit = dense::solve_with_ridge(
+        System::Shape,
+        gram,
+        |_| DESCRIPTORS.explaining_ridge,
+        right.as_ref(),
+    )?;
     let explained = dense::product(explaining.as_ref(), fit.as_ref());
     Ok(Mat::from_fn(n, curvatures.ncols(), |i, c| {
         (curvatures[(i, c)] - explained[(i, c)]) as f32
@@ -178,11 +171,11 @@ fn wave_kernel(
     check: Check<'_>,
 ) -> Result<Mat<f64>> {
     let n = functions.nrows();
-    let pairs = WAVE_PAIRS.min(values.len());
+    let pairs = DESCRIPTORS.wave_pairs.min(values.len());
     let logs: Vec<f64> = values[1..pairs].iter().map(|l| l.max(1e-12).ln()).collect();
     let low = logs[0];
     let high = logs[logs.len() - 1] / 1.02;
-    let width = WAVE_BAND_STEPS * (high - low) / WAVE_ENERGIES as f64;
+    let width = DESCRIPTORS.wave_band_steps * (high - low) / WAVE_ENERGIES as f64;
     let mut bands = Mat::<f64>::zeros(pairs - 1, WAVE_ENERGIES);
     for r in 0..WAVE_ENERGIES {
         let energy = low + (high - low) * r as f64 / (WAVE_ENERGIES - 1) as f64;
@@ -207,7 +200,7 @@ fn wave_kernel(
             #[inline(always)]
             || {
                 for w in column.iter_mut() {
-                    *w = dense::ln(*w / mean + WAVE_FLOOR);
+                    *w = dense::ln(*w / mean + DESCRIPTORS.wave_floor);
                 }
             },
         );
@@ -245,7 +238,7 @@ fn mean_curvature(mesh: &Mesh, laplacian: &Laplacian, length_factors: &[f64]) ->
                 flow = vector::add(flow, vector::scaled(mesh.vertices[j], w));
             }
             let h = 0.5 * sign * vector::dot(normals[i], flow) / mass[i] * length_factors[i];
-            h.clamp(-CURVATURE_LIMIT, CURVATURE_LIMIT)
+            h.clamp(-DESCRIPTORS.curvature_limit, DESCRIPTORS.curvature_limit)
         })
         .collect()
 }
@@ -287,7 +280,7 @@ mod tests {
             let left = |v: usize| f64::from(extrinsic[(v, scale)]);
             let power = sum(&|v| left(v).powi(2));
             assert!(power > 0.0);
-            for energy in (0..WAVE_ENERGIES).step_by(EXPLAINING_WAVE_STEP) {
+            for energy in (0..WAVE_ENERGIES).step_by(DESCRIPTORS.explaining_wave_step) {
                 let wave = |v: usize| f64::from(rows.row(v)[energy]);
                 let bound = (power * sum(&|v| wave(v).powi(2))).sqrt();
                 // The ridge leaves 1e-6 times coefficients of some hundreds.

@@ -14,8 +14,6 @@ use crate::algebra::dense::vectorised;
 use crate::algebra::vector::{self, Point};
 use crate::shape::Shape;
 
-/// Eigenfunctions whose gradients are used at most, between whole shapes.
-pub const FUNCTIONS: usize = 40;
 /// Keeps the cosine of two vanishing bivectors defined.
 const COSINE_FLOOR: f64 = 1e-30;
 

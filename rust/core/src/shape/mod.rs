@@ -6,6 +6,7 @@ pub mod gradients;
 pub mod nearest;
 pub mod pointwise_map;
 pub mod protrusions;
+pub mod settings;
 
 use std::sync::{Arc, OnceLock};
 
@@ -18,6 +19,7 @@ use crate::deformation::rigid_surface::Rigidity;
 use crate::error::{Error, Result};
 use crate::geodesics::distance_operator;
 use crate::geodesics::metric::{Measured, Metric};
+use crate::geodesics::settings::DISTANCE_OPERATOR;
 use crate::geodesics::{self, FastMarching};
 use crate::mesh::boundary;
 use crate::mesh::convexity::Surface;
@@ -28,42 +30,14 @@ use crate::shape::full_resolution::{FullResolution, FullSpectrum};
 use crate::shape::gradients::TangentGradients;
 use crate::shape::nearest::Cells;
 use crate::shape::protrusions::Protrusions;
+use crate::shape::settings::{GRADIENTS, SHAPE};
 use crate::spectrum::eigenbasis::Eigenbasis;
 use crate::watch::progress::{Check, Progress};
-
-/// Eigenpairs of a prepared shape; more bring nothing to a map.
-pub const EIGENPAIRS: usize = 150;
-/// Farthest-point samples.
-pub const SAMPLES: usize = 500;
-/// Samples from which distances are marched: twice the operator's size.
-pub const MARCHED: usize = 120;
-/// Fewer leave no distance operator, which is two thirds of their size.
-const LEAST_MARCHED: usize = 3;
-/// Size of the distance operator.
-pub const OPERATOR_SIZE: usize = 60;
-/// Samples on which maps are judged.
-pub const JUDGED: usize = 300;
-/// Meshes with more vertices than this are simplified to so many before anything else is done.
-pub const SIMPLIFIED_ABOVE: usize = 9_000;
-/// Vertices of a simplified mesh.
-pub const SIMPLIFIED: usize = 7_000;
-/// Meshes with fewer vertices than this are cut finer before anything else is done.
-pub const REFINED_BELOW: usize = 2_000;
-/// Vertices of a mesh that was cut finer, at most.
-pub const REFINED: usize = 3_000;
-/// Vertices of such a mesh for each given one, at most.
-pub const REFINED_TIMES: usize = 4;
-/// Eigenfunctions of the paper's map at most.
-const PAPER_SIZE: usize = 30;
-/// Nodes of maps that are affine on each part, some ten on a limb; with 200 and 500 errors change by up to 7 %.
-const NODES: usize = 300;
-/// Vertices for each eigenpair at least: beyond, eigenfunctions show the mesh, not the surface.
-const VERTICES_A_PAIR: usize = 3;
 
 /// A surface as a sampled metric space with its spectrum. Lengths are at unit area in its metric;
 /// the positions of `mesh` are at unit area in space.
 ///
-/// A mesh of more than [`SIMPLIFIED_ABOVE`] vertices is simplified first, one of fewer than [`REFINED_BELOW`] cut
+/// A mesh of more than `SHAPE.simplified_above` vertices is simplified first, one of fewer than `SHAPE.refined_below` cut
 /// finer; then everything here is that of the working mesh, and [`Shape::full`] leads back to the given one.
 #[derive(Debug)]
 pub struct Shape {
@@ -89,7 +63,7 @@ pub struct Shape {
     pub fields: Mat<f32>,
     /// Distance operator `(q, q)`.
     pub distance_operator: Mat<f64>,
-    /// [Distances](Self::spectral_distances) between the samples on which maps are [judged](JUDGED).
+    /// [Distances](Self::spectral_distances) between the samples on which maps are judged (`SHAPE.judged`).
     pub between_judged: Mat<f64>,
     /// Coefficients of the positions, `(k, 3)`: `ΦᵀA` V.
     pub coordinates: Mat<f64>,
@@ -164,16 +138,18 @@ impl Shape {
         report("operator", 0.05)?;
         let surface = Measured::new(&mesh, metric)?;
         report("eigenpairs", 0.1)?;
-        let pairs = EIGENPAIRS.min(mesh.vertices.len() / VERTICES_A_PAIR);
+        let pairs = SHAPE
+            .eigenpairs
+            .min(mesh.vertices.len() / SHAPE.vertices_a_pair);
         let cancelled = || progress.is_cancelled();
         let basis = Eigenbasis::new(&surface.laplacian, pairs, &cancelled)?;
         report("sampling", 0.6)?;
         let among = sampled_vertices(&mesh, full.as_ref());
-        let wanted = SAMPLES.min(among);
+        let wanted = SHAPE.samples.min(among);
         let farthest =
             geodesics::farthest_points(&surface.marching, &mesh, among, wanted, &cancelled)?;
         report("geodesics", 0.7)?;
-        let marched = &farthest[..MARCHED.min(farthest.len())];
+        let marched = &farthest[..SHAPE.marched.min(farthest.len())];
         let fields = geodesics::distances_from(&surface.marching, marched, &cancelled)?;
         let check = || report("distance operator", 0.9);
         Self::assembled((mesh, full), surface, basis, farthest, fields, &check)
@@ -188,11 +164,11 @@ impl Shape {
     ) -> Result<(Mesh, Option<FullResolution>)> {
         let mesh = Mesh::new(vertices, faces)?;
         let given = mesh.vertices.len();
-        let (working, full) = if given > SIMPLIFIED_ABOVE {
+        let (working, full) = if given > SHAPE.simplified_above {
             report("simplification", 0.02)?;
-            FullResolution::simplified(mesh, SIMPLIFIED, progress)?
-        } else if given < REFINED_BELOW {
-            FullResolution::refined(mesh, REFINED.min(REFINED_TIMES * given))
+            FullResolution::simplified(mesh, SHAPE.simplified, progress)?
+        } else if given < SHAPE.refined_below {
+            FullResolution::refined(mesh, SHAPE.refined.min(SHAPE.refined_times * given))
         } else {
             return Ok((mesh, None));
         };
@@ -217,7 +193,8 @@ impl Shape {
             length_factors,
         } = surface;
         let marched = &farthest[..fields.ncols()];
-        let size = OPERATOR_SIZE
+        let size = SHAPE
+            .operator_size
             .min(basis.values.len())
             .min(2 * marched.len() / 3);
         let distance_operator = distance_operator::from_fields(
@@ -260,7 +237,7 @@ impl Shape {
         );
         let descriptors = descriptors?;
         check()?;
-        let judged = &farthest[..JUDGED.min(farthest.len())];
+        let judged = &farthest[..SHAPE.judged.min(farthest.len())];
         let between_judged = distance_operator::between_vertices(
             distance_operator.as_ref(),
             functions,
@@ -322,7 +299,7 @@ impl Shape {
             && fields.nrows() == n
             && functions.ncols() == values.len()
             && values.len() > 1
-            && (LEAST_MARCHED..=farthest.len()).contains(&fields.ncols())
+            && (SHAPE.least_marched..=farthest.len()).contains(&fields.ncols())
             && farthest
                 .iter()
                 .all(|&v| (v as usize) < sampled_vertices(&mesh, full.as_ref()))
@@ -366,7 +343,7 @@ impl Shape {
     /// # Errors
     /// [`Error::NotFactorised`].
     pub fn deformation_graph(&self) -> Result<&DeformationGraph> {
-        let nodes = self.farthest_points(NODES);
+        let nodes = self.farthest_points(SHAPE.nodes);
         let found = || DeformationGraph::new(&self.mesh.vertices, &self.neighbours, nodes);
         known_or_found(&self.deformation_graph, found)
     }
@@ -380,15 +357,15 @@ impl Shape {
     /// Gradients at the samples on which maps are judged; found when first asked for.
     pub fn judged_gradients(&self) -> &Arc<TangentGradients> {
         self.judged_gradients.get_or_init(|| {
-            let samples = self.farthest_points(JUDGED);
-            Arc::new(TangentGradients::new(self, samples, gradients::FUNCTIONS))
+            let samples = self.farthest_points(SHAPE.judged);
+            Arc::new(TangentGradients::new(self, samples, GRADIENTS.functions))
         })
     }
 
     /// Eigenfunctions of the paper's method at most.
     #[must_use]
     pub fn paper_size(&self) -> usize {
-        PAPER_SIZE.min(self.distance_operator.nrows())
+        SHAPE.paper_size.min(self.distance_operator.nrows())
     }
 
     /// Distance operator of the paper's method, `(k, k)`, from the distances between samples alone; that of
@@ -402,7 +379,7 @@ impl Shape {
                 dense::gather_rows(self.basis.functions.as_ref(), self.marched(), k).as_ref(),
                 &self.basis.values[..k],
                 dense::in_double(self.between_marched().as_ref()).as_ref(),
-                distance_operator::DATA_PENALTY,
+                DISTANCE_OPERATOR.data_penalty,
             )
         };
         if k == self.paper_size() {
@@ -443,7 +420,9 @@ impl Shape {
         let Some(full) = &self.full else {
             return Ok(None);
         };
-        let pairs = EIGENPAIRS.min(full.mesh.vertices.len() / VERTICES_A_PAIR);
+        let pairs = SHAPE
+            .eigenpairs
+            .min(full.mesh.vertices.len() / SHAPE.vertices_a_pair);
         let sizes = (pairs, self.distance_operator.nrows().min(pairs));
         full.spectrum(self.metric, sizes, self.marched(), progress)
             .map(Some)

@@ -11,12 +11,7 @@
 use faer::MatRef;
 
 use crate::mesh::Adjacency;
-
-/// How far a peak rises above where it meets another, at unit area: middle fingers are 0.07 to 0.09 long. With half of it
-/// toes are found too, and fingers are as right.
-const LEAST_HEIGHT: f32 = 0.02;
-/// Area of a protrusion at most: fingers have 0.001 to 0.004, a hand all in all 0.02.
-const LARGEST: f64 = 0.02;
+use crate::shape::settings::PROTRUSIONS;
 
 /// The protrusions of a surface.
 #[derive(Debug, Default)]
@@ -69,7 +64,7 @@ fn mean_distances(fields: MatRef<'_, f32>) -> Vec<f32> {
     sums.into_iter().map(|sum| sum / count).collect()
 }
 
-/// Peaks that rise by the [least height](LEAST_HEIGHT) above where they first meet another such, and how high that is.
+/// Peaks that rise by the least height (`PROTRUSIONS.least_height`) above where they first meet another such, and how high that is.
 fn peaks(height: &[f32], neighbours: &Adjacency) -> Vec<(u32, f32)> {
     let higher = |a: &u32, b: &u32| height[*b as usize].total_cmp(&height[*a as usize]);
     let mut order: Vec<u32> = (0..height.len() as u32).collect();
@@ -94,7 +89,7 @@ fn peaks(height: &[f32], neighbours: &Adjacency) -> Vec<(u32, f32)> {
         for &peak in &around {
             parent[peak as usize] = Some(own);
         }
-        let sticks_out = |&&peak: &&u32| height[peak as usize] - here >= LEAST_HEIGHT;
+        let sticks_out = |&&peak: &&u32| height[peak as usize] - here >= PROTRUSIONS.least_height;
         if around.iter().filter(sticks_out).count() > 1 {
             let first_met = around.iter().filter(sticks_out);
             found.extend(
@@ -119,7 +114,7 @@ fn peak_of(parent: &mut [Option<u32>], mut v: u32) -> Option<u32> {
     Some(v)
 }
 
-/// What hangs together with a peak above a height, if that is [small](LARGEST).
+/// What hangs together with a peak above a height, if that is small (`PROTRUSIONS.largest`).
 fn region(
     peak: u32,
     (height, above): (&[f32], f32),
@@ -132,7 +127,7 @@ fn region(
     while let Some(&v) = vertices.get(next) {
         next += 1;
         area += mass[v as usize];
-        if area > LARGEST {
+        if area > PROTRUSIONS.largest {
             return None;
         }
         for &u in neighbours.row(v as usize) {

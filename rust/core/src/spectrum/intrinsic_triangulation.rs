@@ -21,17 +21,7 @@ use std::collections::VecDeque;
 
 use crate::algebra::vector::{self, Point};
 use crate::mesh::{self, Mesh};
-
-/// Every triangle inequality holds by at least this fraction of the mean edge. As in the paper.
-const MOLLIFICATION: f64 = 1e-5;
-
-/// An edge is flipped when the sum of the opposite cotangents is below minus this: less is rounding
-/// of cotangents near one, and four points on a circle would be flipped for ever.
-const DELAUNAY_TOLERANCE: f64 = 1e-9;
-
-/// Flips allowed for each triangle. Meshes need about one at most; needles across a whole mesh need
-/// as many as the edges that they cross.
-const FLIPS_A_FACE: usize = 200;
+use crate::spectrum::settings::INTRINSIC_TRIANGULATION;
 
 /// One of the three sides of a triangle: from corner `side` to the next.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -135,7 +125,8 @@ impl IntrinsicTriangulation {
     /// Adds the same length to all sides, just enough that no triangle is flat.
     fn mollify(&mut self) {
         let sum: f64 = self.lengths.iter().flatten().sum();
-        let slack = MOLLIFICATION * sum / (3 * self.lengths.len()).max(1) as f64;
+        let slack =
+            INTRINSIC_TRIANGULATION.mollification * sum / (3 * self.lengths.len()).max(1) as f64;
         let added = self
             .lengths
             .iter()
@@ -155,7 +146,7 @@ impl IntrinsicTriangulation {
             .flat_map(|face| (0..3).map(move |side| FaceSide { face, side }))
             .filter(|&s| !self.is_delaunay(s))
             .collect();
-        let most = FLIPS_A_FACE * self.faces.len();
+        let most = INTRINSIC_TRIANGULATION.flips_a_face * self.faces.len();
         while let Some(side) = queue.pop_front() {
             if self.flips == most {
                 break;
@@ -172,7 +163,8 @@ impl IntrinsicTriangulation {
 
     fn is_delaunay(&self, side: FaceSide) -> bool {
         let other = self.across[side.face as usize][side.side as usize];
-        self.cotangent_opposite(side) + self.cotangent_opposite(other) >= -DELAUNAY_TOLERANCE
+        self.cotangent_opposite(side) + self.cotangent_opposite(other)
+            >= -INTRINSIC_TRIANGULATION.delaunay_tolerance
     }
 
     fn cotangent_opposite(&self, FaceSide { face, side }: FaceSide) -> f64 {

@@ -6,3 +6,4 @@
 pub mod eigenbasis;
 pub mod intrinsic_triangulation;
 pub mod laplacian;
+pub mod settings;

@@ -7,10 +7,10 @@
 //!
 //! (h′·h) / ‖h‖² = (g′·g) / ‖g‖²,
 //!
-//! or less by [`OVERLAP`] at most. Both sides make up for what is missing in proportion to how far they move, so that a lower
+//! or less by `CONTACTS.overlap` at most. Both sides make up for what is missing in proportion to how far they move, so that a lower
 //! lid that stands still stays still. The corrections c minimise Σ aᵢmᵢ‖cᵢ − tᵢ‖² + ℓ² Σ ½wᵢⱼ‖cᵢ − cⱼ‖² around the contacts,
 //! t what a vertex is to make up for, m how closely its points meet, a areas, w cotangent weights and ℓ half an edge; they
-//! end where the key ends, and at [`REACH`] gaps from the contacts. So keys that bring nothing together stay as they are,
+//! end where the key ends, and at `CONTACTS.reach` gaps from the contacts. So keys that bring nothing together stay as they are,
 //! copies stay exact, and keys whose contacts lie apart keep their sums.
 
 use rayon::prelude::*;
@@ -21,25 +21,10 @@ use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::settings::CONTACTS;
 use crate::transfer::surface::{Surface, blend};
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
 
-/// Share of a gap that is left at most where points meet: lids of a blink are modelled with up to a fifth between vertices.
-const MEETS: f64 = 0.25;
-/// Least gap in lengths of the longest displacement: what is nearer has no gap that the key closes.
-const LEAST_GAP: f64 = 0.2;
-/// Least cosine between the gap and the normals at both of its ends: what does not face each other passes by. Keys of a jaw
-/// let walls of the mouth pass each other at up to 0.2.
-const FACING: f64 = 0.3;
-/// How much farther than on the source a gap may be closed, in gaps: lids lie over one another unseen, and where bodies were
-/// modelled with one key for all they do so by up to a fifth.
-const OVERLAP: f64 = 0.25;
-/// Farthest that the image of w may lie from y, in gaps: the target has no such point there.
-const BESIDE: f64 = 0.5;
-/// How far from a contact its correction ends, in gaps: as far as a lid is wide.
-const REACH: f64 = 1.0;
-/// ℓ in mean edges around the contacts.
-const AVERAGED_OVER: f64 = 0.5;
 /// How well corrections are solved.
 const UNTIL: Until = Until {
     residual: 1e-6,
@@ -51,7 +36,7 @@ struct Contact {
     vertex: u32,
     /// What it is to make up for.
     missing: Point,
-    /// 1 where its points meet, 0 at the share [`MEETS`] of their gap.
+    /// 1 where its points meet, 0 at the share `CONTACTS.meets` of their gap.
     closeness: f64,
     gap: f64,
 }
@@ -79,9 +64,9 @@ fn contacts(map: &SurfaceMap, offsets: &[Point], carried: &[Point]) -> Vec<Conta
         .map(|(&p, &d)| vector::add(p, d))
         .collect();
     // A gap is at most what both sides move and what is left of it.
-    let reach = 2.0 * longest * MEETS / (1.0 - MEETS);
+    let reach = 2.0 * longest * CONTACTS.meets / (1.0 - CONTACTS.meets);
     let moving = (moved.iter().zip(offsets))
-        .filter(|(_, d)| vector::norm(**d) > LEAST_GAP / 4.0 * longest)
+        .filter(|(_, d)| vector::norm(**d) > CONTACTS.least_gap / 4.0 * longest)
         .map(|(p, _)| *p);
     let Some(within) = Room::around(moving, reach) else {
         return Vec::new();
@@ -112,10 +97,10 @@ fn contacts(map: &SurfaceMap, offsets: &[Point], carried: &[Point]) -> Vec<Conta
                 let gap = vector::sub(at(&source.vertices, &point), x);
                 let length = vector::norm(gap);
                 let other = vector::normalised(at(&normals, &point));
-                length >= LEAST_GAP * longest
-                    && square.sqrt() < MEETS * length
-                    && vector::dot(gap, normal) > FACING * length
-                    && vector::dot(gap, other) < -FACING * length
+                length >= CONTACTS.least_gap * longest
+                    && square.sqrt() < CONTACTS.meets * length
+                    && vector::dot(gap, normal) > CONTACTS.facing * length
+                    && vector::dot(gap, other) < -CONTACTS.facing * length
             };
             let met = in_key.surface.nearest_within(there, reach, meets)?;
             Some((v, in_key.given(met)))
@@ -139,7 +124,7 @@ fn contacts(map: &SurfaceMap, offsets: &[Point], carried: &[Point]) -> Vec<Conta
             let outward = vector::scaled(source.cross(met.face), facing);
             let alike = |face: u32| vector::dot(drawn.surface.cross(face), outward) > 0.0;
             let square = vector::dot(gap, gap);
-            let beside = BESIDE * square.sqrt();
+            let beside = CONTACTS.beside * square.sqrt();
             let partner = drawn.given(drawn.surface.nearest_within(y, beside, alike)?);
             let corners = map.target.triangles[partner.face as usize];
             let of = |from: &[Point]| blend(corners.map(|v| from[v as usize]), partner.weights);
@@ -154,12 +139,12 @@ fn contacts(map: &SurfaceMap, offsets: &[Point], carried: &[Point]) -> Vec<Conta
             let own_closed = vector::sub(carried[v], of(carried));
             let open =
                 vector::dot(closed, gap) / square - vector::dot(own_closed, own_gap) / own_square;
-            let missing = open.max(0.0) + (open + OVERLAP).min(0.0);
+            let missing = open.max(0.0) + (open + CONTACTS.overlap).min(0.0);
             let left = vector::norm(vector::sub(gap, closed)) / square.sqrt();
             Some(Contact {
                 vertex,
                 missing: vector::scaled(own_gap, missing * first / (first + second)),
-                closeness: (1.0 - left / MEETS).max(0.0),
+                closeness: (1.0 - left / CONTACTS.meets).max(0.0),
                 gap: own_square.sqrt(),
             })
         })
@@ -173,7 +158,7 @@ fn corrected(target: &Surface, contacts: &[Contact], carried: Vec<Point>) -> Res
         .collect();
     let tree = SpaceTree::new(places.as_slice());
     let widest = contacts.iter().map(|c| c.gap).fold(0.0, f64::max);
-    let Some(room) = Room::around(places.iter().copied(), REACH * widest) else {
+    let Some(room) = Room::around(places.iter().copied(), CONTACTS.reach * widest) else {
         return Ok(carried);
     };
     let is_free: Vec<bool> = (target.vertices.par_iter().zip(&carried))
@@ -181,7 +166,8 @@ fn corrected(target: &Surface, contacts: &[Contact], carried: Vec<Point>) -> Res
             *d != [0.0; 3]
                 && room.holds(p)
                 && tree.nearest(p).is_some_and(|c| {
-                    vector::distance(p, places[c as usize]) < REACH * contacts[c as usize].gap
+                    vector::distance(p, places[c as usize])
+                        < CONTACTS.reach * contacts[c as usize].gap
                 })
         })
         .collect();
@@ -227,7 +213,7 @@ fn corrected(target: &Surface, contacts: &[Contact], carried: Vec<Point>) -> Res
         return Ok(carried);
     }
     // A vertex has about the square of an edge.
-    let square = AVERAGED_OVER * AVERAGED_OVER * area / count;
+    let square = CONTACTS.averaged_over * CONTACTS.averaged_over * area / count;
     let diagonal: Vec<f64> = (0..rest.len())
         .map(|v| held[v] + square * edges.row(v).map(|(_, w)| w).sum::<f64>())
         .collect();
@@ -379,7 +365,7 @@ mod tests {
         for (gap, pressing, wanted) in [
             (1.5, 0.98, 0.98),
             (1.5, 1.02, 1.02),
-            (0.5, 0.98, 0.98 + OVERLAP),
+            (0.5, 0.98, 0.98 + CONTACTS.overlap),
             (0.9, 0.98, 0.98 / 0.9),
         ] {
             let map = onto(1.0, gap);

@@ -9,27 +9,12 @@ use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::settings::CORNERS;
 use crate::transfer::surface::{NONE, Surface};
 use crate::transfer::surface_map::{SurfaceMap, check_table};
 
 /// Weights below this are zero: the point lies on an edge or at a vertex.
 pub const ON_EDGE: f64 = 1e-6;
-
-/// The surroundings of a face reach this much beyond the furthest of its corners' images, so that
-/// a face whose centre lies across a border from most of it still finds its way.
-const REACH: f64 = 1.5;
-
-/// Most triangles looked at around a face: beyond this the map is torn there, and looking further
-/// brings no better side.
-const MOST_TRIANGLES: usize = 4096;
-
-/// Two places belong to one side of a border that ends nearby when the values of each foretell
-/// those of the other, with an error of at most this share of their distance. Across a border the
-/// error is far larger; on a half turn without one it is 0.36.
-const LARGEST_MISS: f64 = 0.5;
-
-/// Area over squared longest edge below which a triangle's plane says nothing.
-const SLIVER: f64 = 1e-3;
 
 /// Faces of any number of corners, in compressed rows.
 #[derive(Debug)]
@@ -347,7 +332,7 @@ impl Search<'_> {
 
     /// Collects the triangles within reach of `centre` that hang together with the seed's.
     fn gather(&self, seed: SurfacePoint, centre: Point, radius: f64, patch: &mut Patch) {
-        let reach = (radius * REACH).powi(2);
+        let reach = (radius * CORNERS.reach).powi(2);
         let source = &self.map.source;
         patch.triangles.clear();
         patch.members.clear();
@@ -355,7 +340,7 @@ impl Search<'_> {
         patch.triangles.push(seed.face);
         patch.members.insert(seed.face, 0);
         let mut next = 0;
-        while next < patch.triangles.len() && patch.triangles.len() < MOST_TRIANGLES {
+        while next < patch.triangles.len() && patch.triangles.len() < CORNERS.most_triangles {
             let t = patch.triangles[next] as usize;
             next += 1;
             for k in 0..3 {
@@ -436,8 +421,8 @@ impl Search<'_> {
             difference(&there, expected)
         };
         let scale = self.scale(a.face).max(self.scale(b.face));
-        let room =
-            LARGEST_MISS * scale * vector::distance(place_a, place_b) + self.values.tolerance;
+        let room = CORNERS.largest_miss * scale * vector::distance(place_a, place_b)
+            + self.values.tolerance;
         miss(a, place_b, &at_b).max(miss(b, place_a, &at_a)) <= room
     }
 
@@ -463,7 +448,7 @@ impl Search<'_> {
         let source = &self.map.source;
         let usable = |t: u32| {
             let longest = source.longest_edge(t);
-            vector::norm(source.cross(t)) > 2.0 * SLIVER * longest * longest
+            vector::norm(source.cross(t)) > 2.0 * CORNERS.sliver * longest * longest
         };
         let mut places: Vec<(f64, SurfacePoint)> = patch
             .triangles

@@ -2,7 +2,6 @@
 
 use std::cmp::Reverse;
 use std::collections::{BinaryHeap, HashMap};
-use std::ops::RangeInclusive;
 
 use rayon::prelude::*;
 
@@ -10,26 +9,9 @@ use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
+use crate::transfer::settings::CURVES;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
-
-/// Cost of a unit of way that lies on the curve itself, beside 1 for a unit one edge length away:
-/// enough to keep a way from wandering along the curve.
-const LENGTH_COST: f64 = 1e-3;
-
-/// Lengths of edges in which distances from the curve are counted, in mean lengths: those of a short edge in its own,
-/// so that it is no way across the end of a narrow face.
-const COUNTED_LENGTHS: RangeInclusive<f64> = 0.05..=1.0;
-
-/// Longest piece of a curve followed at once, in edges.
-const LONGEST_PIECE: usize = 128;
-
-/// Pieces into which a closed curve is cut at least, so that ends differ.
-const LOOP_PIECES: usize = 3;
-
-/// Cosine of the widest angle between edges that run alike: in a grid, those along and not across. Just below that
-/// of 45°, so that a diagonal runs like both.
-const ALIKE: f64 = 0.7;
 
 /// A part of a marked curve of the source: positions and the values of its edges.
 struct Piece {
@@ -105,8 +87,9 @@ pub fn nearest_edges(
             let middle = vector::scaled(vector::add(a, b), 0.5);
             let own = way([a, b, b]);
             // An edge whose ends have one image runs nowhere.
-            let alike =
-                |e: u32| own == [0.0; 3] || vector::dot(own, way(edges.corners(e))).abs() >= ALIKE;
+            let alike = |e: u32| {
+                own == [0.0; 3] || vector::dot(own, way(edges.corners(e))).abs() >= CURVES.alike
+            };
             let nearest = edges.nearest(middle);
             // Farther off than its own length it is another place.
             let off = vector::distance(edges.position(&nearest), middle);
@@ -181,8 +164,8 @@ fn pieces(marked: &[([u32; 2], f64)], positions: &[Point]) -> Vec<Piece> {
             let is_loop = way.first() == way.last();
             let count = values
                 .len()
-                .div_ceil(LONGEST_PIECE)
-                .max(if is_loop { LOOP_PIECES } else { 1 })
+                .div_ceil(CURVES.longest_piece)
+                .max(if is_loop { CURVES.loop_pieces } else { 1 })
                 .min(values.len());
             for i in 0..count {
                 let (b, e) = (i * values.len() / count, (i + 1) * values.len() / count);
@@ -277,14 +260,14 @@ impl<'a> Graph<'a> {
         let middle = vector::scaled(vector::add(a, b), 0.5);
         // Vertices with one common image are still an edge apart.
         let length = vector::distance(a, b).max(1e-6 * self.mean_length);
-        let [least, most] =
-            [COUNTED_LENGTHS.start(), COUNTED_LENGTHS.end()].map(|l| l * self.mean_length);
+        let [least, most] = [CURVES.counted_lengths.start(), CURVES.counted_lengths.end()]
+            .map(|l| l * self.mean_length);
         let unit = length.clamp(least, most);
         let far: f64 = [a, middle, b]
             .iter()
             .map(|&p| (piece.nearest(p).0 / unit).powi(2))
             .sum();
-        length * (far / 3.0 + LENGTH_COST)
+        length * (far / 3.0 + CURVES.length_cost)
     }
 }
 

@@ -4,11 +4,8 @@ use rayon::prelude::*;
 
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::transfer::settings::DISPLACEMENT;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
-
-/// Displacements shorter than this share of the source's diagonal are rounding: such vertices
-/// stand still.
-pub const STILLNESS: f64 = 1e-6;
 
 /// Displacements `(n_source)` of the source's vertices as displacements `(n_target)` of the target's.
 ///
@@ -20,7 +17,7 @@ pub const STILLNESS: f64 = 1e-6;
 /// [`crate::Error::BadArgument`] when there is not one displacement for each source vertex.
 pub fn displacements(map: &SurfaceMap, offsets: &[Point], turn_only: bool) -> Result<Vec<Point>> {
     check_rows("offsets", offsets.len(), map.source.vertices.len())?;
-    let least = STILLNESS * map.source.diagonal();
+    let least = DISPLACEMENT.stillness * map.source.diagonal();
     let moving: Vec<Point> = offsets
         .iter()
         .map(|&d| if vector::norm(d) > least { d } else { [0.0; 3] })

@@ -7,22 +7,15 @@ use crate::algebra::similarity::nearest_turn;
 use crate::algebra::vector::{self, Point};
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::transfer::frame::{Frame, determinant};
+use crate::transfer::settings::FRAMES;
 use crate::transfer::surface::{Surface, blend};
 use crate::transfer::surface_map::SurfaceMap;
 
-/// Length over which a frame is averaged, in roots of the target's area, as of a thumb on a body: images of neighbouring
-/// vertices are a fraction of an edge wrong and directions between them much more so, and what is smaller than this, such as
-/// a lid, may lie differently on another face without being turned. Faces move 2 to 4 % wrong by turns of half as much or
-/// up to four times as much, and 10 to 15 % by those of two edges.
-const AVERAGED_OVER: f64 = 0.015;
 /// How well the average is solved.
 const UNTIL: Until = Until {
     residual: 1e-3,
     steps: 200,
 };
-
-/// Weight of the normals beside the edges in a frame's fit.
-const NORMAL_SHARE: f64 = 0.5;
 
 /// What a frame is fitted to, as a row: Σ target edge · source edgeᵀ, and the squares of either, over the edges at a vertex.
 type Moments = Row<11>;
@@ -74,7 +67,7 @@ fn frames(map: &SurfaceMap) -> Vec<Frame> {
             Frame {
                 turn: nearest_turn(&covariance(m), mirrored),
                 scale: if scale.is_finite() && scale > 0.0 {
-                    scale.clamp(usual / LARGEST_SCALE, usual * LARGEST_SCALE)
+                    scale.clamp(usual / FRAMES.largest_scale, usual * FRAMES.largest_scale)
                 } else {
                     usual
                 },
@@ -109,7 +102,7 @@ fn averaged_moments(map: &SurfaceMap) -> Vec<Moments> {
     {
         let corners = map.source.triangles[point.face as usize];
         let image_normal = blend(corners.map(|v| source_normals[v as usize]), point.weights);
-        let size = (m[9] * m[10]).sqrt() * NORMAL_SHARE;
+        let size = (m[9] * m[10]).sqrt() * FRAMES.normal_share;
         let [target, source] = [m[9], m[10]];
         add_edge(m, vector::scaled(normal, size), image_normal);
         (m[9], m[10]) = (target, source);
@@ -117,7 +110,7 @@ fn averaged_moments(map: &SurfaceMap) -> Vec<Moments> {
     let areas = map.target.vertex_areas();
     let total: f64 = areas.iter().sum();
     let edges = EdgeWeights::new(vertices, triangles);
-    let square = AVERAGED_OVER * AVERAGED_OVER * total;
+    let square = FRAMES.averaged_over * FRAMES.averaged_over * total;
     let diagonal: Vec<f64> = areas
         .iter()
         .enumerate()
@@ -148,9 +141,6 @@ fn averaged_moments(map: &SurfaceMap) -> Vec<Moments> {
     conjugate_gradients::solved(apply, precondition, &moments, start, UNTIL, &|| Ok(()))
         .expect("it is never told to stop")
 }
-
-/// A scale further than this from that of the whole map is a fault of the map, not of the bodies.
-const LARGEST_SCALE: f64 = 4.0;
 
 fn usual_scale(moments: &[Moments]) -> f64 {
     let (target, source) = moments

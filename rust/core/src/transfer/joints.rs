@@ -5,18 +5,9 @@ use rayon::prelude::*;
 use crate::algebra::similarity::Similarity;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
+use crate::transfer::settings::JOINTS;
 use crate::transfer::skin_weights::SkinWeights;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
-
-/// Width of the surroundings of a joint, over its distance from the surface: the ring around a
-/// limb counts fully, a place as far again along the limb a seventh.
-const RING_WIDTH: f64 = 0.75;
-
-/// The surroundings are widened until they count as this many vertices.
-const FEWEST_VERTICES: f64 = 12.0;
-
-/// Rounds of widening.
-const WIDENINGS: usize = 8;
 
 /// A joint in the target and how the body around it is turned and scaled.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -90,7 +81,7 @@ fn fitted(
                 .map(|k| point.weights[k] * influence[corners[k] as usize])
                 .sum()
         };
-        own * map.confidence[v].max(LEAST_CONFIDENCE)
+        own * map.confidence[v].max(JOINTS.least_confidence)
     };
     let counted: Vec<(usize, f64)> = (0..map.points.len())
         .map(|v| (v, share(v)))
@@ -104,9 +95,9 @@ fn fitted(
         .iter()
         .map(|&(v, _)| squared(v))
         .fold(f64::INFINITY, f64::min);
-    let mut width = RING_WIDTH * nearest.sqrt().max(1e-6 * map.source.diagonal());
+    let mut width = JOINTS.ring_width * nearest.sqrt().max(1e-6 * map.source.diagonal());
     let mut weights: Vec<(usize, f64)> = Vec::new();
-    for _ in 0..WIDENINGS {
+    for _ in 0..JOINTS.widenings {
         // Relative to the nearest vertex, so that nothing vanishes where the joint lies far off.
         let falloff = |v: usize| (-(squared(v) - nearest) / (2.0 * width * width)).exp();
         let heard: f64 = counted.iter().map(|&(v, s)| s * falloff(v)).sum();
@@ -114,7 +105,7 @@ fn fitted(
             .iter()
             .map(|&(v, s)| (v, s * falloff(v) * areas[v]))
             .collect();
-        if heard >= FEWEST_VERTICES {
+        if heard >= JOINTS.fewest_vertices {
             break;
         }
         width *= 1.5;
@@ -130,6 +121,3 @@ fn fitted(
         scale: similarity.scale,
     }
 }
-
-/// Vertices without any confidence still say where the body is.
-const LEAST_CONFIDENCE: f64 = 1e-3;

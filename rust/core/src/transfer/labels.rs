@@ -5,10 +5,8 @@ use rayon::prelude::*;
 use crate::algebra::vector;
 use crate::error::Result;
 use crate::transfer::corners::{Polygons, facing_nearest};
+use crate::transfer::settings::LABELS;
 use crate::transfer::surface_map::{SurfaceMap, check_rows, check_table};
-
-/// How far from the centre of a face towards its corners it is asked what lies under it.
-const SHARES: [f64; 2] = [0.45, 0.85];
 
 /// Source triangles under places within each target face, in compressed rows `(starts, triangles)`.
 ///
@@ -29,7 +27,7 @@ pub fn triangles_under(map: &SurfaceMap, faces: &Polygons) -> (Vec<u32>, Vec<u32
                 normal = vector::add(normal, vector::normalised(own));
             }
             let towards = corners.iter().flat_map(|&v| {
-                SHARES.map(|s| {
+                LABELS.shares.map(|s| {
                     let way = vector::sub(images[v as usize], centre);
                     vector::add(centre, vector::scaled(way, s))
                 })

@@ -8,22 +8,10 @@ use rayon::prelude::*;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::transfer::corners::{self, CornerPlace, CornerValues, Polygons};
+use crate::transfer::settings::LAYOUT;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
 use crate::transfer::unions::Unions;
-
-/// UV differences up to this are rounding.
-pub const UV_ROUNDING: f64 = 1e-5;
-
-/// Two faces agree at an edge when their UVs differ by at most this share of the edge's UV length:
-/// each has found its own place for a corner beyond a seam.
-const AGREEMENT: f64 = 0.25;
-
-/// Texels a unit of the grid on which overlaps are counted, and for how many units of UV texels may be
-/// kept or looked at: where a layout goes further or lies over itself more often than that, a coarser
-/// grid shows it as well.
-const OVERLAP_GRID: f64 = 1024.0;
-const OVERLAP_UNITS: f64 = 16.0;
 
 /// A UV map on the target.
 #[derive(Debug)]
@@ -48,7 +36,7 @@ pub fn carried_layout(
     let values = CornerValues {
         values: source_uv.as_flattened(),
         channels: 2,
-        tolerance: UV_ROUNDING,
+        tolerance: LAYOUT.uv_rounding,
     };
     let mut places = corners::corner_places(map, faces, &values, true)?;
     let islands = corners::islands(&map.source, &values.open(&map.source));
@@ -96,7 +84,7 @@ fn hold_back(
                     .nearest_where(at, None, |t| {
                         (islands[t as usize] == islands[face as usize]) == own
                     })
-                    .is_some_and(|p| vector::distance(chart.position(&p), at) <= UV_ROUNDING)
+                    .is_some_and(|p| vector::distance(chart.position(&p), at) <= LAYOUT.uv_rounding)
             };
             if !covers(true) && covers(false) {
                 let image = map.images()[vertex as usize];
@@ -124,7 +112,7 @@ fn join(uv: &mut [[f64; 2]], displaced: &[bool], faces: &Polygons) {
                 continue;
             };
             let length = gap(uv[low], uv[high]).min(gap(uv[other_low], uv[other_high]));
-            let room = AGREEMENT * length + UV_ROUNDING;
+            let room = LAYOUT.agreement * length + LAYOUT.uv_rounding;
             if gap(uv[low], uv[other_low]) <= room && gap(uv[high], uv[other_high]) <= room {
                 groups.unite(low as u32, other_low as u32);
                 groups.unite(high as u32, other_high as u32);
@@ -184,7 +172,7 @@ pub fn judged(corners: &[[Point; 3]], uv: &[[[f64; 2]; 3]]) -> LayoutReport {
     let mut weight = 0.0;
     for ((corner, uv), &area) in corners.iter().zip(uv).zip(&areas) {
         if let Some((large, small)) = singular_values(corner, uv, unit) {
-            stretch += area * large.max(1.0 / small.max(SMALLEST_STRETCH));
+            stretch += area * large.max(1.0 / small.max(LAYOUT.smallest_stretch));
             weight += area;
         }
     }
@@ -194,10 +182,6 @@ pub fn judged(corners: &[[Point; 3]], uv: &[[[f64; 2]; 3]]) -> LayoutReport {
         overlap: overlap(uv),
     }
 }
-
-/// A triangle squeezed further than this counts as this much, so that one without any UV area
-/// does not hide the others.
-const SMALLEST_STRETCH: f64 = 1e-2;
 
 fn signed_area([a, b, c]: [[f64; 2]; 3]) -> f64 {
     ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])) / 2.0
@@ -243,8 +227,8 @@ fn overlap(uv: &[[[f64; 2]; 3]]) -> f64 {
     }
     // Whole units, one at least, so that all in one tile is counted as on its image.
     let size = [0, 1].map(|k| (high[k] - low[k]).max(1.0));
-    let units = looked_at.max(size[0] * size[1]).max(OVERLAP_UNITS);
-    let most = OVERLAP_UNITS * OVERLAP_GRID * OVERLAP_GRID;
+    let units = looked_at.max(size[0] * size[1]).max(LAYOUT.overlap_units);
+    let most = LAYOUT.overlap_units * LAYOUT.overlap_grid * LAYOUT.overlap_grid;
     let grid = (most / units).sqrt().min(most / size[0].max(size[1]));
     let [columns, rows] = size.map(|x| (x * grid).ceil() as usize);
     let mut counts = vec![0u8; columns * rows];
@@ -401,8 +385,8 @@ mod tests {
         let layout = carried_layout(&map, &polygons, &source_uv).expect("three corners each");
         assert!(layout.straddles.iter().any(|&s| s));
         for (face, uv) in layout.uv.chunks_exact(3).enumerate() {
-            let left = uv.iter().all(|c| c[0] <= 1.0 + UV_ROUNDING);
-            let right = uv.iter().all(|c| c[0] >= 1.0 - UV_ROUNDING);
+            let left = uv.iter().all(|c| c[0] <= 1.0 + LAYOUT.uv_rounding);
+            let right = uv.iter().all(|c| c[0] >= 1.0 - LAYOUT.uv_rounding);
             assert!(left || right, "face {face}: {uv:?}");
         }
     }

@@ -17,6 +17,7 @@ pub mod normal_maps;
 pub mod outfit;
 pub mod parts;
 pub mod seam_cuts;
+pub mod settings;
 pub mod skin_weights;
 pub mod strands;
 pub mod surface;

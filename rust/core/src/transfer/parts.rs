@@ -6,19 +6,10 @@ use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
 use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::settings::PARTS;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
 use crate::transfer::unions::Unions;
-
-/// A part of the source is the counterpart of a small part when their centres, brought together by
-/// the body around, are at most this many radii apart.
-const LARGEST_OFFSET: f64 = 1.5;
-
-/// Nor may one be this much larger than the other.
-const LARGEST_RATIO: f64 = 2.5;
-
-/// Trust in the image of a small part that was put onto its counterpart.
-const PART_CONFIDENCE: f64 = 0.5;
 
 /// Connected part of each vertex, numbered from 0; vertices without a triangle have one each.
 #[must_use]
@@ -111,8 +102,8 @@ impl SurfaceMap {
                 .map(|d| (vector::distance(centre, extents[d].0), d))
                 .filter(|&(offset, d)| {
                     let ratio = extents[d].1 / radius;
-                    offset <= LARGEST_OFFSET * radius.max(extents[d].1)
-                        && ratio.max(1.0 / ratio) <= LARGEST_RATIO
+                    offset <= PARTS.largest_offset * radius.max(extents[d].1)
+                        && ratio.max(1.0 / ratio) <= PARTS.largest_ratio
                 })
                 .min_by(|a, b| a.0.total_cmp(&b.0));
             let Some((_, d)) = best else { continue };
@@ -125,7 +116,7 @@ impl SurfaceMap {
                 let goal = vector::add(extents[d].0, offset);
                 if let Some(point) = self.source.nearest_where(goal, None, allowed) {
                     points[v] = point;
-                    confidence[v] = PART_CONFIDENCE;
+                    confidence[v] = PARTS.part_confidence;
                 }
             }
         }

@@ -9,13 +9,10 @@ use crate::error::Result;
 use crate::mesh::Adjacency;
 use crate::mesh::surface_point::{SurfacePoint, nearest_in_triangle};
 use crate::transfer::corners::{CornerValues, ON_EDGE, Polygons, triangles_around};
+use crate::transfer::settings::SEAM_CUTS;
 use crate::transfer::surface::{NONE, Surface, blend};
 use crate::transfer::surface_map::{SurfaceMap, check_table};
 use crate::transfer::trace::{Crossing, crossings};
-
-/// A vertex from which a seam is nearer than this share of an edge is put onto it, so that no
-/// slivers arise.
-const SNAP: f64 = 0.05;
 
 /// Where seams meet within a face, the point stays this far from the face's corners, in
 /// barycentric weights.
@@ -234,7 +231,7 @@ impl<'a> Tracer<'a> {
                 way.last().map(|c| (edge[1], 1.0 - c.share, c)),
             ];
             for (v, share, crossing) in ends.into_iter().flatten() {
-                if share < SNAP && !self.is_on_seam(v) {
+                if share < SEAM_CUTS.snap && !self.is_on_seam(v) {
                     let found = (share * length, crossing.place);
                     nearest
                         .entry(v)
@@ -258,7 +255,9 @@ impl<'a> Tracer<'a> {
         let held = self.held();
         for (edge, way) in self.edges.iter().zip(&mut self.ways) {
             let [first, last] = edge.map(|v| held[v as usize]);
-            way.retain(|c| !(first && c.share < SNAP || last && c.share > 1.0 - SNAP));
+            way.retain(|c| {
+                !(first && c.share < SEAM_CUTS.snap || last && c.share > 1.0 - SEAM_CUTS.snap)
+            });
         }
         moved
     }

@@ -4,13 +4,8 @@ use rayon::prelude::*;
 
 use crate::error::{Error, Result};
 use crate::transfer::diffusion::{COLUMNS_A_SOLVE, Diffusion};
+use crate::transfer::settings::SKIN_WEIGHTS;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
-
-/// Weights below this are dropped while smoothing, so that rows stay short.
-const NEGLIGIBLE: f64 = 1e-7;
-
-/// A carried sum this near to 1 is 1: the source's weights were normalised, in single precision.
-const SUM_ROUNDING: f64 = 1e-3;
 
 /// Weights of vertices in groups, in compressed rows.
 #[derive(Debug, Clone, Default, PartialEq)]
@@ -258,7 +253,7 @@ fn fill(
         });
         for (i, row) in fresh.iter_mut().enumerate() {
             for (c, &group) in columns.iter().enumerate() {
-                if solved[(i, c)] > NEGLIGIBLE {
+                if solved[(i, c)] > SKIN_WEIGHTS.negligible {
                     row.push((group, solved[(i, c)]));
                 }
             }
@@ -292,7 +287,7 @@ fn smoothed(
                         sum.add(g, SHARE * share / total * w);
                     }
                 }
-                sum.take(NEGLIGIBLE)
+                sum.take(SKIN_WEIGHTS.negligible)
             },
         )
         .collect()
@@ -307,7 +302,7 @@ fn finish(row: &mut Vec<(u32, f64)>, options: &SkinOptions<'_>, v: usize) {
             .sum()
     };
     let mut wanted = sum(row);
-    if (wanted - 1.0).abs() < SUM_ROUNDING {
+    if (wanted - 1.0).abs() < SKIN_WEIGHTS.sum_rounding {
         wanted = 1.0;
     }
     let bound = wanted >= 1.0;

@@ -9,6 +9,7 @@ use crate::error::{Error, Result};
 use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::layout::scan_rows;
 use crate::transfer::normal_maps::{FixedSpace, Spot, TangentSpace};
+use crate::transfer::settings::TEXTURE;
 use crate::transfer::surface::blend;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
 use crate::watch::progress::Progress;
@@ -21,12 +22,6 @@ pub const LARGEST_SIDE: usize = 8192;
 
 /// Rows of the image that a thread fills at a time.
 const BAND: usize = 32;
-
-/// Most samples along each side of a texel where the source's texels are smaller.
-const MOST_SAMPLES: usize = 4;
-
-/// Alpha below which colours are mixed as if opaque: there is nothing to see.
-const TRANSPARENT: f32 = 1e-6;
 
 type Uv = [f64; 2];
 
@@ -441,7 +436,7 @@ impl TargetTriangle {
             samples: if bake.texture.closest {
                 1
             } else {
-                ((ratio - 0.25).ceil() as usize).clamp(1, MOST_SAMPLES)
+                ((ratio - 0.25).ceil() as usize).clamp(1, TEXTURE.most_samples)
             },
         }
     }
@@ -545,7 +540,7 @@ impl Mean {
 
     fn texel(&self) -> [f32; CHANNELS] {
         let [r, g, b, alpha] = self.plain;
-        let colour = if self.straight && alpha > TRANSPARENT {
+        let colour = if self.straight && alpha > TEXTURE.transparent {
             self.weighted.map(|c| c / alpha)
         } else {
             [r, g, b].map(|c| c / self.count)
@@ -591,7 +586,7 @@ fn filtered(image: &Image<'_>, uv: Uv, extension: Extension, straight: bool) -> 
     }
     if straight {
         for c in 0..3 {
-            colour[c] = if colour[3] > TRANSPARENT {
+            colour[c] = if colour[3] > TEXTURE.transparent {
                 colour[c] / colour[3]
             } else {
                 plain[c]

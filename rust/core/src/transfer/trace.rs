@@ -2,16 +2,8 @@
 
 use crate::algebra::vector;
 use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::settings::TRACE;
 use crate::transfer::surface::{NONE, Surface};
-
-/// Most triangles on a way: a longer one is lost.
-const MOST_STEPS: usize = 4096;
-
-/// The start is moved by this share towards the middle of its triangle, off edges and vertices.
-const INSET: f64 = 1e-7;
-
-/// A way that has gone this many times its length without arriving is on another sheet.
-const LOST: f64 = 2.0;
 
 /// A border on the way.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -39,12 +31,16 @@ pub fn crossings(
 ) -> Option<Vec<Crossing>> {
     let start = surface.position(&SurfacePoint {
         face: from.face,
-        weights: from.weights.map(|w| (1.0 - INSET) * w + INSET / 3.0),
+        weights: from
+            .weights
+            .map(|w| (1.0 - TRACE.inset) * w + TRACE.inset / 3.0),
     });
     let end = surface.position(to);
     let way = vector::sub(end, start);
     let length = vector::dot(way, way);
-    let arrived = |t: u32| t == to.face || surface.to_triangle(end, t).0 <= INSET * INSET * length;
+    let arrived = |t: u32| {
+        t == to.face || surface.to_triangle(end, t).0 <= TRACE.inset * TRACE.inset * length
+    };
     let mut found = Vec::new();
     let (mut triangle, mut entry) = (from.face, None);
     if arrived(triangle) {
@@ -55,7 +51,7 @@ pub fn crossings(
         .into_iter()
         .fold([0.0; 3], vector::add);
     let across = vector::cross(way, up);
-    for _ in 0..MOST_STEPS {
+    for _ in 0..TRACE.most_steps {
         let corners = surface.corners(triangle);
         let side = corners.map(|c| vector::dot(vector::sub(c, start), across));
         let (share, k, along) = (0..3)
@@ -73,7 +69,7 @@ pub fn crossings(
             })
             .max_by(|a, b| a.0.total_cmp(&b.0))?;
         let beyond = surface.across[triangle as usize][k];
-        if beyond == NONE || share.abs() > LOST {
+        if beyond == NONE || share.abs() > TRACE.lost {
             return None;
         }
         if !open[triangle as usize][k] {

@@ -5,20 +5,10 @@ use super::march::{Seed, Workspace};
 use super::update::{across, unfolded};
 use crate::algebra::dense::{LANES, vectorised};
 use crate::algebra::packed::{packed, unpacked};
+use crate::geodesics::settings::SWEEP;
 
 /// Sources that are swept together, each in a lane of its own.
 pub(in crate::geodesics) const TOGETHER: usize = 2 * LANES;
-
-/// Each source is marched so far towards the source whose march gives the order; beyond, fronts of both run alike.
-const MARCHED: f32 = 0.5;
-
-/// The first vertices of the order are swept until nothing changes, then twice as many, and so on: an eighth first. What
-/// comes late near the sources would run through everything again.
-const DOUBLINGS: usize = 3;
-
-/// What a vertex gains is told to its neighbours above this fraction of the mean edge, well below the error of
-/// discretisation, or above this fraction of the distance, single precision's rounding.
-const LEAST_GAIN: (f32, f32) = (5e-3, 2e-6);
 
 /// A triangle as seen from one corner, over the edge between the others.
 #[derive(Debug, Clone, Copy)]
@@ -101,7 +91,7 @@ impl<'a> Sweeping<'a> {
             marching,
             starts,
             triangles,
-            least_gain: LEAST_GAIN.0 * marching.mean_edge,
+            least_gain: SWEEP.least_gain.0 * marching.mean_edge,
         }
     }
 
@@ -125,7 +115,7 @@ impl<'a> Sweeping<'a> {
         let mut fronts = vec![NOWHERE; guide.len()];
         let mut waiting = vec![false; guide.len()];
         for (lane, &source) in sources.iter().enumerate() {
-            let bound = MARCHED * guide[source as usize];
+            let bound = SWEEP.marched * guide[source as usize];
             self.marching
                 .run_seeds(&[Seed::at(source)], bound, workspace);
             for (v, front) in workspace.passed() {
@@ -150,7 +140,7 @@ impl<'a> Sweeping<'a> {
     /// Sweeps until nothing changes.
     #[inline(always)]
     fn sweep(&self, order: &[u32], fronts: &mut [Fronts], waiting: &mut [bool]) {
-        for doubling in (0..=DOUBLINGS).rev() {
+        for doubling in (0..=SWEEP.doublings).rev() {
             let near = &order[..order.len() >> doubling];
             loop {
                 let forwards = self.pass(near.iter(), fronts, waiting);
@@ -241,7 +231,7 @@ impl<'a> Sweeping<'a> {
     fn gained(&self, before: &Fronts, after: &Fronts) -> [f32; TOGETHER] {
         let mut gained = after.distance;
         for (distance, before) in gained.iter_mut().zip(before.distance) {
-            let told = *distance + self.least_gain + LEAST_GAIN.1 * *distance < before;
+            let told = *distance + self.least_gain + SWEEP.least_gain.1 * *distance < before;
             *distance += if told { 0.0 } else { f32::INFINITY };
         }
         gained

@@ -4,21 +4,7 @@ use std::array::from_fn;
 
 use super::layout::Spokes;
 use crate::algebra::dense::LANES;
-
-/// A vertex that was already passed is opened again only for a gain above this fraction of the
-/// edge it came by: below, the change is smaller than the discretisation error by far.
-const LEAST_GAIN_OF_EDGE: f32 = 1e-4;
-
-/// The same as a fraction of the distance, above single precision's rounding.
-const LEAST_GAIN_OF_DISTANCE: f32 = 2e-6;
-
-/// A ray may miss the edge it should cross by this fraction of the edge, so that rays along mesh
-/// lines through a vertex do not fall between its edges by rounding.
-const CROSSING_SLACK: f32 = 1e-3;
-
-/// Circles around the ends of an edge that miss each other by at most this fraction of the edge
-/// count as touching.
-const TOUCHING_SLACK: f32 = 1e-4;
+use crate::geodesics::settings::UPDATE;
 
 /// What a march knows of a vertex.
 #[derive(Debug, Clone, Copy)]
@@ -125,7 +111,8 @@ impl Reached {
         }
         for i in 0..LANES {
             let distance = reached.distance[i];
-            let gain = (LEAST_GAIN_OF_EDGE * length[i]).max(LEAST_GAIN_OF_DISTANCE * distance);
+            let gain = (UPDATE.least_gain_of_edge * length[i])
+                .max(UPDATE.least_gain_of_distance * distance);
             let gain = if passed[i].is_nan() { 0.0 } else { gain };
             reached.lower |= u32::from(distance + gain < fronts[i].distance) << i;
             reached.passed |= u32::from(!passed[i].is_nan()) << i;
@@ -152,7 +139,7 @@ pub(super) fn unfolded(ra: f32, rb: f32, edge: f32) -> (f32, f32) {
     let x = 0.5 * ((ra - rb) * (ra + rb) / edge + edge);
     let y_squared = (ra - x) * (ra + x);
     // Written so that NaN, of what was not passed too, stays NaN.
-    let touches = y_squared >= -TOUCHING_SLACK * edge * edge;
+    let touches = y_squared >= -UPDATE.touching_slack * edge * edge;
     (
         x,
         y_squared.max(0.0).sqrt() + if touches { 0.0 } else { f32::NAN },
@@ -169,7 +156,7 @@ pub(super) fn unfolded(ra: f32, rb: f32, edge: f32) -> (f32, f32) {
 pub(super) fn across((x, y): (f32, f32), edge: f32, (cx, cy): (f32, f32)) -> f32 {
     let drop = y + cy;
     let crossing = x * cy + cx * y;
-    let slack = CROSSING_SLACK * edge * drop;
+    let slack = UPDATE.crossing_slack * edge * drop;
     let distance = ((cx - x) * (cx - x) + drop * drop).sqrt();
     // Written so that NaN from a degenerate triangle fails.
     let crosses = (drop > 0.0) & (crossing >= -slack) & (crossing <= edge * drop + slack);

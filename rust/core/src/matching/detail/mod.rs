@@ -4,7 +4,7 @@
 //! that lips, lids and fingers that lie close exchange images. Here the target's given surface is [laid](similar) through its
 //! images and then moves onto the source's given surface in steps: each vertex is drawn along the normal of the source's
 //! point that is near *and faces the same way*, and the displacements of a step are those of a [membrane] whose length of
-//! averaging falls from [`COARSEST`] to that of the finest edges. The surface moves as a whole, so that neighbours stay
+//! averaging falls from `DETAIL.coarsest` to that of the finest edges. The surface moves as a whole, so that neighbours stay
 //! neighbours along it, and sheets that face each other are never exchanged.
 //!
 //! A target that is a [copy](crate::mesh::copies) of the source or of a part of it answers vertex to vertex.
@@ -19,48 +19,21 @@
 
 mod ground;
 mod membrane;
+pub mod settings;
 mod similar;
 
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
-use crate::mesh::copies::{SAME, Triangles, originals};
+use crate::matching::detail::settings::DETAIL;
+use crate::mesh::copies::{Triangles, originals};
 use crate::mesh::edge_weights::EdgeWeights;
+use crate::mesh::settings::COPIES;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::{Mesh, normals_of};
 use crate::watch::progress::Check;
 
 use ground::Ground;
 use membrane::{Membrane, Symmetric, along, times};
-
-/// Larger meshes keep what the working meshes say.
-pub(crate) const MOST_VERTICES: usize = 60_000;
-/// Length over which the first displacements are averaged, at unit area: what maps are off on working meshes. Lids come to lie
-/// as well from 0.015 on, and a tenth worse from 0.03 on.
-const COARSEST: f64 = 0.02;
-/// The last length of averaging in edges of the finest parts.
-const FINEST: f64 = 0.7;
-/// Share of the vertices that are the finest parts.
-const FINE_PART: f64 = 0.1;
-/// Least length of averaging of a vertex in its own edges: what is coarser moves with what is around it.
-const OWN_EDGES: f64 = 0.5;
-/// Lengths of averaging, in equal ratios from the coarsest to the finest.
-const STAGES: usize = 5;
-/// Steps at each.
-const STEPS: usize = 2;
-/// Steps at the last.
-const LAST_STEPS: usize = 4;
-/// How far vertices move along the displacements of a step, which lag behind: where feet slide along with the vertices, half as
-/// far again comes as near in 12 steps as once as far in 17.
-const STRIDE: f64 = 1.5;
-/// ρ, the distance that a turn of normals by one radian counts, at the coarsest and, in lengths of averaging, at the finest.
-const COARSEST_TURN: f64 = 0.015;
-const FINEST_TURN: f64 = 2.0;
-/// How strongly vertices are drawn across the normal, relative to along it.
-const ACROSS: f64 = 0.1;
-/// Keeps the equations regular where nothing draws.
-const LEAST_DRAW: f64 = 1e-6;
-/// How strongly vertices whose points are given are drawn to them, relative to all others.
-const GIVEN: f64 = 1e4;
 
 /// The source's point of each target vertex where the target is a [copy](crate::mesh::copies) of it, or of a part, and the
 /// vertices whose points are given keep theirs.
@@ -88,7 +61,7 @@ pub(crate) fn copied(
     let kept = |vertices: &[u32]| {
         given.iter().all(|&v| {
             let image = source.vertices[vertices[v as usize] as usize];
-            vector::distance(image, images[v as usize]) < SAME
+            vector::distance(image, images[v as usize]) < COPIES.same
         })
     };
     let copied = vertices.filter(|vertices| kept(vertices));
@@ -115,18 +88,18 @@ pub(crate) fn refined(
     }
     let (edges, ground) = rayon::join(
         || EdgeWeights::new(rest, &target.faces),
-        || Ground::new(source, COARSEST_TURN / 2.0),
+        || Ground::new(source, DETAIL.coarsest_turn / 2.0),
     );
     let areas = areas(target);
     let own_edges = edge_lengths(rest, &edges);
-    let finest = FINEST * quantile(&own_edges, FINE_PART);
+    let finest = DETAIL.finest * quantile(&own_edges, DETAIL.fine_part);
     let facing = if mirrored { -1.0 } else { 1.0 };
     let mut places = similar::laid(rest, (&areas, &edges), &images, mirrored, check)?;
     let mut known: Vec<u32> = points
         .iter()
         .map(|p| source.faces[p.face as usize][0])
         .collect();
-    let finest_turn = FINEST_TURN * finest;
+    let finest_turn = DETAIL.finest_turn * finest;
     let mut rho = vec![0.0; rest.len()];
     let normals = |places: &[Point]| -> Vec<Point> {
         let mut normals = normals_of(places, &target.faces);
@@ -135,22 +108,22 @@ pub(crate) fn refined(
         }
         normals
     };
-    for stage in 0..STAGES {
-        let share = stage as f64 / (STAGES - 1) as f64;
+    for stage in 0..DETAIL.stages {
+        let share = stage as f64 / (DETAIL.stages - 1) as f64;
         let between = |from: f64, to: f64| from * (to / from).powf(share);
-        let length = between(COARSEST, finest.min(COARSEST));
-        let turn = between(COARSEST_TURN, finest_turn.min(COARSEST_TURN));
+        let length = between(DETAIL.coarsest, finest.min(DETAIL.coarsest));
+        let turn = between(DETAIL.coarsest_turn, finest_turn.min(DETAIL.coarsest_turn));
         let lengths: Vec<f64> = own_edges
             .iter()
-            .map(|e| length.max(OWN_EDGES * e))
+            .map(|e| length.max(DETAIL.own_edges * e))
             .collect();
         for (rho, l) in rho.iter_mut().zip(&lengths) {
             *rho = turn * (l / length);
         }
-        let steps = if stage + 1 == STAGES {
-            LAST_STEPS
+        let steps = if stage + 1 == DETAIL.stages {
+            DETAIL.last_steps
         } else {
-            STEPS
+            DETAIL.steps
         };
         for _ in 0..steps {
             check()?;
@@ -161,7 +134,7 @@ pub(crate) fn refined(
             for (v, foot) in feet.iter().enumerate() {
                 known[v] = foot.vertex;
                 if is_given[v] {
-                    let weight = GIVEN * areas[v];
+                    let weight = DETAIL.given * areas[v];
                     right.push(vector::scaled(vector::sub(images[v], places[v]), weight));
                     drawn.push([weight, 0.0, 0.0, weight, 0.0, weight]);
                     continue;
@@ -172,16 +145,16 @@ pub(crate) fn refined(
                 } else {
                     areas[v] * agree * agree
                 };
-                let draw = along(foot.normal, ACROSS, weight);
+                let draw = along(foot.normal, DETAIL.across, weight);
                 right.push(times(&draw, vector::sub(foot.place, places[v])));
-                let least = LEAST_DRAW * areas[v];
+                let least = DETAIL.least_draw * areas[v];
                 let [xx, xy, xz, yy, yz, zz] = draw;
                 drawn.push([xx + least, xy, xz, yy + least, yz, zz + least]);
             }
             let start = vec![[0.0; 3]; places.len()];
             let moved = Membrane::new(&edges, &lengths, &drawn).solved(&right, start, check)?;
             for (place, moved) in places.iter_mut().zip(moved) {
-                *place = vector::add(*place, vector::scaled(moved, STRIDE));
+                *place = vector::add(*place, vector::scaled(moved, DETAIL.stride));
             }
         }
     }

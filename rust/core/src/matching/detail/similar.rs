@@ -2,7 +2,7 @@
 //!
 //! Images of neighbours that were read off one by one jump between sheets that lie close. Here xᵢ minimise
 //! Σ aᵢρ(‖xᵢ − yᵢ‖) + μ Σ wᵢⱼ‖(xᵢ − xⱼ) − ½s(Rᵢ + Rⱼ)(pᵢ − pⱼ)‖², y the images, s the scale of the whole map and
-//! ρ growing linearly from [`FAR`] on, so that the few that jumped are outvoted by their neighbours.
+//! ρ growing linearly from `SIMILAR.far` on, so that the few that jumped are outvoted by their neighbours.
 //!
 //! # Source
 //! Sorkine, Alexa, "As-rigid-as-possible surface modeling", 2007.
@@ -13,17 +13,9 @@ use super::membrane::{Membrane, Symmetric};
 use crate::algebra::similarity::nearest_turn;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::matching::detail::settings::SIMILAR;
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::watch::progress::Check;
-
-/// √μ, the length over which images are averaged at unit area: two edges of a working mesh.
-const AVERAGED_OVER: f64 = 0.015;
-/// Distance of an image from the surface from which it counts less: an edge of a working mesh.
-const FAR: f64 = 0.007;
-/// Least weight of an image.
-const LEAST_WEIGHT: f64 = 0.05;
-/// Rounds of turns, weights and positions.
-const ROUNDS: usize = 5;
 
 /// The surface with its rest positions, areas and edges, through images of its vertices.
 pub(super) fn laid(
@@ -33,11 +25,11 @@ pub(super) fn laid(
     mirrored: bool,
     check: Check<'_>,
 ) -> Result<Vec<Point>> {
-    let lengths = vec![AVERAGED_OVER; rest.len()];
-    let square = AVERAGED_OVER * AVERAGED_OVER;
+    let lengths = vec![SIMILAR.averaged_over; rest.len()];
+    let square = SIMILAR.averaged_over * SIMILAR.averaged_over;
     let mut weights = vec![1.0; rest.len()];
     let mut places = images.to_vec();
-    for _ in 0..ROUNDS {
+    for _ in 0..SIMILAR.rounds {
         check()?;
         let turns: Vec<([Point; 3], f64, f64)> = (0..rest.len())
             .into_par_iter()
@@ -79,7 +71,7 @@ pub(super) fn laid(
         places = Membrane::new(edges, &lengths, &drawn).solved(&right, places, check)?;
         for ((weight, place), image) in weights.iter_mut().zip(&places).zip(images) {
             let off = vector::distance(*place, *image);
-            *weight = (FAR / off.max(FAR)).max(LEAST_WEIGHT);
+            *weight = (SIMILAR.far / off.max(SIMILAR.far)).max(SIMILAR.least_weight);
         }
     }
     Ok(places)

@@ -22,22 +22,13 @@ use crate::algebra::similarity::Similarity;
 use crate::algebra::vector::{self, Point};
 use crate::deformation::registration::{self, Held, Sampled};
 use crate::error::Result;
+use crate::matching::partial::settings::LOCATION;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Coverage, Pair};
 use crate::matching::ranking::Metrics;
 use crate::matching::refinement::coinciding::Placed;
 use crate::watch::progress::Check;
 
-/// Samples of the part that are moved, and of the whole to which they go at first.
-const PART_SAMPLES: usize = 300;
-const WHOLE_SAMPLES: usize = 1_500;
-/// Vertices of the part that ask when it is drawn onto the whole.
-const DRAWN_BY: usize = 1_500;
-/// Samples of the part whose pairs vote.
-const REFERENCES: usize = 24;
-/// Steps of the distance within the part's extent, and of turns about a normal.
-const DISTANCE_STEPS: f64 = 16.0;
-const TURNS: usize = 24;
 /// Cosines of 15°, 30°, … 165°: between them angles count alike.
 const ANGLES: [f64; 11] = [
     0.965_925_826,
@@ -52,38 +43,6 @@ const ANGLES: [f64; 11] = [
     -0.866_025_404,
     -0.965_925_826,
 ];
-/// Features that so many pairs of the whole have count half: what is flat everywhere says little.
-const COMMON: f64 = 200.0;
-/// Placements kept of each reference, and of all together.
-const KEPT_OF_EACH: usize = 4;
-const KEPT: usize = 40;
-/// Steps that move each of these, and those that move each of the few that fit best.
-const FIRST_STEPS: usize = 6;
-const LAST_STEPS: usize = 15;
-/// How many these are, and how many of them are drawn onto the surface: the best, and what it has to be told from.
-const FINISHED: usize = 4;
-const DRAWN: usize = 2;
-/// Mean distance between the places of samples up to which two placements are one. Lengths here and below are √area of the part.
-const SAME: f64 = 0.2;
-/// Length that a unit normal counts beside positions.
-const NORMAL: f64 = 0.3;
-/// Distance of a sample from the whole at which it counts a quarter in the next step, and from which on it counts alike in the misfit.
-const TOLERANCE: f64 = 0.15;
-const FAR: f64 = 0.3;
-/// Misfit of a part that lies where it does not belong: 0.11 to 0.17 over heads, hands, feet, legs and trunks of people.
-const MISPLACED: f64 = 0.2;
-/// Samples that are nearer to one another than this are asked how their distance changes.
-const NEAR: f64 = 0.35;
-/// How the part is drawn onto the whole.
-const SETTINGS: registration::Settings = registration::Settings {
-    rounds: 8,
-    pull: [1e-3, 0.1],
-    to_place: 0.02,
-    normal: NORMAL,
-    agreeing: 0.3,
-    both_ask: false,
-};
-
 /// A part placed on a whole.
 #[derive(Debug, Clone)]
 pub(in crate::matching) struct Location {
@@ -100,7 +59,7 @@ pub(in crate::matching) struct Location {
 impl Location {
     /// Metrics of its map, by what the part's shape says: its curvatures and those of the whole are smoothed over other lengths.
     pub fn metrics(&self, of_map: Metrics) -> Metrics {
-        let agreement = 1.0 - self.misfit / MISPLACED;
+        let agreement = 1.0 - self.misfit / LOCATION.misplaced;
         Metrics {
             orientation: self.facing,
             local_distortion: self.stretch,
@@ -136,22 +95,22 @@ pub(in crate::matching) fn locations(
         .map(|&p| part.mesh.as_own(whole.mesh.as_given(p)))
         .collect();
     let there = Facing::new(there, &whole.normals, outward);
-    let samples = part.farthest_points(PART_SAMPLES);
+    let samples = part.farthest_points(LOCATION.part_samples);
     let (asking, answering) = (
         own.gathered(samples),
-        there.gathered(&whole.drawn_vertices(WHOLE_SAMPLES)),
+        there.gathered(&whole.drawn_vertices(LOCATION.whole_samples)),
     );
     let mut found = voted(&asking, &answering, check)?;
-    found.truncate(KEPT);
+    found.truncate(LOCATION.kept);
     let coarse = Answering::new(&answering);
-    let mut found = moved(&asking, &coarse, &found, FIRST_STEPS, check)?;
+    let mut found = moved(&asking, &coarse, &found, LOCATION.first_steps, check)?;
     different(&asking, &mut found);
-    found.truncate(FINISHED);
+    found.truncate(LOCATION.finished);
     let all = Answering::new(&there);
     let motions: Vec<Similarity> = found.into_iter().map(|(_, motion)| motion).collect();
-    let mut found = moved(&asking, &all, &motions, LAST_STEPS, check)?;
+    let mut found = moved(&asking, &all, &motions, LOCATION.last_steps, check)?;
     different(&asking, &mut found);
-    found.truncate(DRAWN);
+    found.truncate(LOCATION.drawn);
     // Each would find it for itself.
     part.deformation_graph()?;
     found
@@ -179,7 +138,7 @@ fn drawn(
     let moving = Sampled {
         places: &moved.places,
         normals: &moved.normals,
-        samples: &part.drawn_vertices(DRAWN_BY),
+        samples: &part.drawn_vertices(LOCATION.drawn_by),
     };
     let held = Held {
         graph: part.deformation_graph()?,
@@ -191,13 +150,21 @@ fn drawn(
         normals: &there.normals,
         samples: &all,
     };
-    let drawn = registration::registered(moving, held, still, &SETTINGS, check)?;
+    let settings = registration::Settings {
+        rounds: LOCATION.rounds,
+        pull: LOCATION.pull,
+        to_place: LOCATION.to_place,
+        normal: LOCATION.normal,
+        agreeing: LOCATION.agreeing,
+        both_ask: false,
+    };
+    let drawn = registration::registered(moving, held, still, &settings, check)?;
     let drawn = Facing {
         places: drawn.places,
         normals: drawn.normals,
     };
     let images = answering.nearest(&drawn);
-    let samples = part.farthest_points(PART_SAMPLES);
+    let samples = part.farthest_points(LOCATION.part_samples);
     let on_whole = |v: u32| images[v as usize] as usize;
     let cosines = samples
         .iter()
@@ -228,13 +195,13 @@ fn drawn(
     })
 }
 
-/// Mean change of the straight distances between points that are [near](NEAR) one another at first.
+/// Mean change of the straight distances between points that are near (`LOCATION.near`) one another at first.
 fn mean_stretch(points: &[u32], first: &dyn Fn(u32) -> Point, then: &dyn Fn(u32) -> Point) -> f64 {
     let (mut sum, mut count) = (0.0, 0.0);
     for (i, &a) in points.iter().enumerate() {
         for &b in &points[..i] {
             let before = vector::distance(first(a), first(b));
-            if before < NEAR {
+            if before < LOCATION.near {
                 sum += (vector::distance(then(a), then(b)) - before).abs();
                 count += 1.0;
             }
@@ -287,15 +254,18 @@ impl<'a> Answering<'a> {
             .collect();
         Self {
             points,
-            tree: OrientedTree::new(&oriented, NORMAL),
+            tree: OrientedTree::new(&oriented, LOCATION.normal),
         }
     }
 
     fn nearest(&self, asking: &Facing) -> Vec<u32> {
         let image = |i| {
             let nothing = (f64::INFINITY, 0);
-            self.tree
-                .nearest(&asking.oriented(i), NORMAL * NORMAL, nothing)
+            self.tree.nearest(
+                &asking.oriented(i),
+                LOCATION.normal * LOCATION.normal,
+                nothing,
+            )
         };
         (0..asking.places.len())
             .into_par_iter()
@@ -306,13 +276,22 @@ impl<'a> Answering<'a> {
     /// Distance in positions and normals.
     fn off(&self, asking: &Facing, i: usize, image: u32) -> f64 {
         let there = self.points.oriented(image as usize);
-        squared_distance(&asking.oriented(i), &there, NORMAL * NORMAL).sqrt()
+        squared_distance(
+            &asking.oriented(i),
+            &there,
+            LOCATION.normal * LOCATION.normal,
+        )
+        .sqrt()
     }
 }
 
 /// Mean distance of some points from their images, far ones alike.
 fn mean_misfit(asking: &Facing, there: &Answering<'_>, images: &[u32], points: &[u32]) -> f64 {
-    let off = |&v: &u32| there.off(asking, v as usize, images[v as usize]).min(FAR);
+    let off = |&v: &u32| {
+        there
+            .off(asking, v as usize, images[v as usize])
+            .min(LOCATION.far)
+    };
     points.iter().map(off).sum::<f64>() / points.len() as f64
 }
 
@@ -333,7 +312,7 @@ fn moved(
             let images = there.nearest(&now);
             let pairs: Vec<(Point, Point, f64)> = (0..part.places.len())
                 .map(|i| {
-                    let off = there.off(&now, i, images[i]) / TOLERANCE;
+                    let off = there.off(&now, i, images[i]) / LOCATION.tolerance;
                     let weight = (1.0 + off * off).powi(-2);
                     let image = there.points.places[images[i] as usize];
                     (part.places[i], image, weight)
@@ -362,7 +341,7 @@ fn different(part: &Facing, motions: &mut Vec<(f64, Similarity)>) {
         let differs = |other: &Facing| {
             let apart = now.places.iter().zip(&other.places);
             let sum: f64 = apart.map(|(&a, &b)| vector::distance(a, b)).sum();
-            sum > SAME * part.places.len() as f64
+            sum > LOCATION.same * part.places.len() as f64
         };
         let is_new = kept.iter().all(differs);
         if is_new {
@@ -393,30 +372,31 @@ fn voted(part: &Facing, whole: &Facing, check: Check<'_>) -> Result<Vec<Similari
             .then_with(|| a.2.total_cmp(&b.2))
     });
     check()?;
-    let references = REFERENCES.min(part.places.len());
+    let references = LOCATION.references.min(part.places.len());
     let mut found: Vec<(f64, Similarity)> = (0..references)
         .into_par_iter()
         .flat_map_iter(|reference| {
             let frame = along_normal(part.normals[reference]);
-            let mut votes = vec![0.0; whole.places.len() * TURNS];
+            let mut votes = vec![0.0; whole.places.len() * LOCATION.turns];
             for (feature, turn) in features_from(part, reference, frame, extent) {
                 let from = pairs.partition_point(|pair| pair.0 < feature);
                 let alike = pairs[from..].iter().take_while(|pair| pair.0 == feature);
                 let count = alike.clone().count() as f64;
                 for &(_, there, turned) in alike {
                     let by = (turned - turn).rem_euclid(TAU) / TAU;
-                    let step = ((by * TURNS as f64) as usize).min(TURNS - 1);
-                    votes[usize::from(there) * TURNS + step] += 1.0 / (1.0 + count / COMMON);
+                    let step = ((by * LOCATION.turns as f64) as usize).min(LOCATION.turns - 1);
+                    votes[usize::from(there) * LOCATION.turns + step] +=
+                        1.0 / (1.0 + count / LOCATION.common);
                 }
             }
             let mut most: Vec<usize> = (0..votes.len()).collect();
-            most.select_nth_unstable_by(KEPT_OF_EACH, |&a, &b| {
+            most.select_nth_unstable_by(LOCATION.kept_of_each, |&a, &b| {
                 votes[b].total_cmp(&votes[a]).then(a.cmp(&b))
             });
-            most.truncate(KEPT_OF_EACH);
+            most.truncate(LOCATION.kept_of_each);
             let placed = |cell: usize| {
-                let (there, step) = (cell / TURNS, cell % TURNS);
-                let by = (step as f64 + 0.5) / TURNS as f64 * TAU;
+                let (there, step) = (cell / LOCATION.turns, cell % LOCATION.turns);
+                let by = (step as f64 + 0.5) / LOCATION.turns as f64 * TAU;
                 let motion = Similarity {
                     from: part.places[reference],
                     to: whole.places[there],
@@ -474,7 +454,7 @@ fn features_from(
             vector::dot(other, direction),
             vector::dot(normal, other),
         ];
-        let step = (DISTANCE_STEPS * length / extent) as u32;
+        let step = (LOCATION.distance_steps * length / extent) as u32;
         let feature = angles.iter().fold(step, |feature, &cosine| {
             let angle = ANGLES.iter().filter(|&&least| cosine < least).count();
             feature * (ANGLES.len() as u32 + 1) + angle as u32

@@ -4,4 +4,5 @@ pub(in crate::matching) mod location;
 pub(in crate::matching) mod of_part;
 mod relocation;
 mod search;
+pub mod settings;
 pub(in crate::matching) mod uncovered;

@@ -8,6 +8,7 @@ use crate::error::{Error, Result};
 use crate::matching::completed::{Completed, judged, ranked};
 use crate::matching::partial::relocation;
 use crate::matching::partial::search::{self, PartInWhole};
+use crate::matching::partial::settings::OF_PART;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Coverage, Pair, Part};
 use crate::matching::ranking::quality;
@@ -17,43 +18,19 @@ use crate::matching::refinement::overlap;
 use crate::matching::refinement::relative_length::growth_at_samples;
 use crate::watch::progress::Progress;
 
-/// Lengths of a part in units of the whole, both at unit area, when they are given in one unit: a body that is no
-/// part is not just so much smaller, and less leaves little to be recognised by.
-const PART_LENGTHS: Range<f64> = 0.4..0.97;
-/// Lengths of a part that is located by its shape: from a hand of a child on a man up to a third of the area, beyond which parts bend
-/// too much and distances find them.
-const LOCATED_LENGTHS: Range<f64> = 0.07..0.6;
-/// Lengths of the unit of a part on the whole where nothing tells them: each finds the maps of parts within a tenth.
-const ASSUMED_PART_LENGTHS: [f64; 2] = [0.9, 0.75];
-/// Maps found otherwise that a search for a part begins with too.
-const OTHER_STARTS: usize = 6;
-/// Hypotheses of a part that are completed, the first so many, a few at a time.
-const MOST_COMPLETED: usize = 8;
-const AT_ONCE: usize = 3;
-/// Times that the samples of a part are moved to where the rest of its map would have them.
-const RELOCATIONS: usize = 3;
-/// Maps with moved samples are completed when their rank after a short refinement is below this times that of the
-/// map they come from.
-const WORTH_COMPLETING: f64 = 1.25;
-/// Times that the map of a part is refined on what it covers of the whole.
-const COVERED_ROUNDS: usize = 5;
-/// Such a map is kept when its rank is below this times that of the map before the first time: right ones stay below 1.1 mostly
-/// and 1.25 at most. Where too much was cut away it was above 1.25, measured before rims counted less in the rank.
-const COVERED_WELL: f64 = 1.25;
-
 /// Which open shape is a part, and lengths, if both are of one size as given: it is then clearly smaller.
 pub(in crate::matching) fn part_by_given_lengths(pair: &Pair<'_>) -> Option<(Which, f64)> {
-    open_shape_within(pair, PART_LENGTHS)
+    open_shape_within(pair, &OF_PART.part_lengths)
 }
 
 /// Which open shape is so much smaller, with both of one size as given, that its shape may be found on the other.
 pub(in crate::matching) fn small_part(pair: &Pair<'_>) -> Option<Which> {
-    open_shape_within(pair, LOCATED_LENGTHS).map(|(part_is, _)| part_is)
+    open_shape_within(pair, &OF_PART.located_lengths).map(|(part_is, _)| part_is)
 }
 
 /// The open shape whose length in units of the other is within a range, the target first, and how many units of the source one of the
 /// target is.
-fn open_shape_within(pair: &Pair<'_>, range: Range<f64>) -> Option<(Which, f64)> {
+fn open_shape_within(pair: &Pair<'_>, range: &Range<f64>) -> Option<(Which, f64)> {
     let lengths = pair.target.unit / pair.source.unit;
     let found = [Which::Target, Which::Source].into_iter().find(|&part_is| {
         pair.shape(part_is).mesh.is_open() && range.contains(&part_is.seen(lengths))
@@ -95,7 +72,12 @@ pub(in crate::matching) fn placed(
     };
     let check = || progress.check();
     let mut starts = search::first_maps(&PartInWhole::of(pair, part_is), &check)?;
-    starts.extend(others.iter().take(OTHER_STARTS).map(|h| h.matrix.clone()));
+    starts.extend(
+        others
+            .iter()
+            .take(OF_PART.other_starts)
+            .map(|h| h.matrix.clone()),
+    );
     ranking::of_part(pair, &starts, &check)
 }
 
@@ -107,7 +89,7 @@ pub(in crate::matching) fn placed_at_assumed_lengths(
     progress: &Progress,
 ) -> Result<Vec<Hypothesis>> {
     let mut found = Vec::new();
-    for length in ASSUMED_PART_LENGTHS {
+    for length in OF_PART.assumed_part_lengths {
         let more = placed(pair, (part_is, part_is.seen(length)), others, progress)?;
         found = ranking::merged(pair.source, found, more);
     }
@@ -123,15 +105,15 @@ pub(in crate::matching) fn best_of_part<'a>(
 ) -> Result<Option<(usize, Completed<'a>)>> {
     let of_part = hypotheses.iter().take_while(|h| h.is_of_part()).count();
     let mut best: Option<(usize, Completed<'a>)> = None;
-    let first = &mut hypotheses[..of_part.min(MOST_COMPLETED)];
-    for (batch, some) in first.chunks_mut(AT_ONCE).enumerate() {
+    let first = &mut hypotheses[..of_part.min(OF_PART.most_completed)];
+    for (batch, some) in first.chunks_mut(OF_PART.at_once).enumerate() {
         for (i, map) in complete(some)?.into_iter().enumerate() {
             some[i].judge_anew(map.metrics, &map.state);
             if best
                 .as_ref()
                 .is_none_or(|(_, other)| map.metrics.cost() < other.metrics.cost())
             {
-                best = Some((batch * AT_ONCE + i, map));
+                best = Some((batch * OF_PART.at_once + i, map));
             }
         }
         if best
@@ -154,7 +136,7 @@ pub(in crate::matching) fn with_relocations<'a>(
     progress: &Progress,
 ) -> Result<(usize, Completed<'a>)> {
     let check = || progress.check();
-    for _ in 0..RELOCATIONS {
+    for _ in 0..OF_PART.relocations {
         let pair = &Pair {
             coverage: hypotheses[best].coverage,
             lengths: map.state.lengths(),
@@ -163,7 +145,7 @@ pub(in crate::matching) fn with_relocations<'a>(
         let starts = relocated(pair, &map.state, progress)?;
         let bound = map.metrics.cost();
         let mut found = ranking::of_part(pair, &starts, &check)?;
-        found.retain(|h| h.metrics.cost() < WORTH_COMPLETING * bound);
+        found.retain(|h| h.metrics.cost() < OF_PART.worth_completing * bound);
         let completed = complete(&found)?;
         for (mut hypothesis, other) in found.into_iter().zip(completed) {
             if other.metrics.cost() < map.metrics.cost() {
@@ -227,12 +209,17 @@ pub(in crate::matching) fn refine_on_covered<'a>(
         ..hypothesis.clone()
     };
     let bound = if of_part {
-        COVERED_WELL * map.metrics.cost()
+        OF_PART.covered_well * map.metrics.cost()
     } else {
         judged(pair, &as_part, &map.state)?.cost()
     };
-    for round in 0..COVERED_ROUNDS {
-        let within = |f: f64| report("refinement", (round as f64 + f) / COVERED_ROUNDS as f64);
+    for round in 0..OF_PART.covered_rounds {
+        let within = |f: f64| {
+            report(
+                "refinement",
+                (round as f64 + f) / OF_PART.covered_rounds as f64,
+            )
+        };
         let found = overlap::refined_on_covered(pair, &map.state, progress, &within);
         let Some(state) = unless_impossible(found, &mut map.remarks)? else {
             return Ok(());

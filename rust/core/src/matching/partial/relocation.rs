@@ -14,22 +14,11 @@ use rayon::prelude::*;
 use crate::algebra::vector;
 use crate::error::Result;
 use crate::geodesics;
-use crate::matching::partial::search::{ASKING, PartInWhole, change};
+use crate::matching::partial::search::{PartInWhole, change};
+use crate::matching::partial::settings::{RELOCATION, SEARCH};
 use crate::watch::progress::Progress;
 
-/// Distance from which on the others say where a sample belongs, √area: all do, or only those farther than a limb is
-/// wide, since its neighbours were mislaid with it.
-const HEARD_FROM: [f32; 2] = [0.0, 0.15];
-/// A change of distance whose cost is half of the largest, √area.
-const TOLERANCE: f32 = 0.05;
-/// A sample belongs elsewhere if it costs so much less there, of 1, and that is farther off than a limb is wide.
-const CHEAPER: f32 = 0.05;
-const ELSEWHERE: f64 = 0.12;
-/// What one that belongs elsewhere itself counts among the others, and how often these are looked for.
-const MISLAID: f32 = 0.1;
-const ROUNDS: usize = 2;
-
-/// Images of the part's first [`ASKING`] samples, moved where they belong elsewhere: once by all others and once by
+/// Images of the part's first `SEARCH.asking` samples, moved where they belong elsewhere: once by all others and once by
 /// those that are not near. Nothing where none belongs elsewhere.
 ///
 /// `images` are vertices of the whole, one for each of the part's.
@@ -49,7 +38,7 @@ pub fn relocated(
     // One column for each vertex of the whole.
     let on_whole = from_images.transpose().to_owned();
     let mut found = Vec::new();
-    for heard_from in HEARD_FROM {
+    for heard_from in RELOCATION.heard_from {
         progress.check()?;
         found.extend(moved(pair, images, on_whole.as_ref(), heard_from));
     }
@@ -83,7 +72,7 @@ fn moved(
                 .zip(there.iter())
                 .map(|(&(here, weight), &there)| {
                     let change = change(here, there);
-                    weight * change / (change + TOLERANCE * TOLERANCE)
+                    weight * change / (change + RELOCATION.tolerance * RELOCATION.tolerance)
                 });
             costs.sum::<f32>() / total
         };
@@ -91,15 +80,15 @@ fn moved(
         let places = whole.farthest.iter().map(|&x| (cost(x), x));
         let (least, place) = places.min_by(|a, b| a.0.total_cmp(&b.0))?;
         let [here, there] = [now, place].map(|x| whole.mesh.vertices[x as usize]);
-        let elsewhere = vector::distance(here, there) > ELSEWHERE;
-        (elsewhere && least + CHEAPER < cost(now)).then_some(place)
+        let elsewhere = vector::distance(here, there) > RELOCATION.elsewhere;
+        (elsewhere && least + RELOCATION.cheaper < cost(now)).then_some(place)
     };
     let mut weights = vec![1.0; others.len()];
-    for _ in 0..ROUNDS {
-        let lies = |&v: &u32| belongs(v, &weights).map_or(1.0, |_| MISLAID);
+    for _ in 0..RELOCATION.rounds {
+        let lies = |&v: &u32| belongs(v, &weights).map_or(1.0, |_| RELOCATION.mislaid);
         weights = others.par_iter().map(lies).collect();
     }
-    let asking = part.farthest_points(ASKING);
+    let asking = part.farthest_points(SEARCH.asking);
     let places: Vec<Option<u32>> = asking.par_iter().map(|&v| belongs(v, &weights)).collect();
     let found = asking.iter().zip(&places);
     places.iter().any(Option::is_some).then(|| {
@@ -143,9 +132,9 @@ mod tests {
             .map(|v| if v < 200 { v + 480 } else { v })
             .collect();
         let found = relocated_on(&torus, &torus, &images);
-        assert_eq!(found.len(), HEARD_FROM.len());
+        assert_eq!(found.len(), RELOCATION.heard_from.len());
         for found in found {
-            for (&v, &image) in torus.farthest_points(ASKING).iter().zip(&found) {
+            for (&v, &image) in torus.farthest_points(SEARCH.asking).iter().zip(&found) {
                 assert!(vector::distance(at(v), at(image)) < SPACING, "{v} {image}");
             }
         }

@@ -18,33 +18,11 @@ use rayon::prelude::*;
 
 use crate::algebra::dense;
 use crate::error::{Result, System};
+use crate::matching::partial::settings::SEARCH;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::Pair;
 use crate::shape::Shape;
 use crate::watch::progress::Check;
-
-/// Samples of the part that are placed.
-const PLACED: usize = 12;
-/// Placements kept at each step.
-const KEPT: usize = 1000;
-/// Placements that are looked at for each one kept.
-const CHILDREN: usize = 20;
-/// Weight of a distance that is longer on the part, as where its shortest path was cut. From 0.3 to 0.5 most right
-/// placements are found.
-const LONGER: f32 = 0.5;
-/// Samples of the whole around which places are alike: placements alike in all their places differ by little.
-const CELLS: usize = 24;
-/// Placements kept of those that are alike.
-const ALIKE: usize = 2;
-/// Finished placements that become maps, at most, and their mean distance from one another, √area.
-const FINISHED: usize = 24;
-const APART: f32 = 0.1;
-/// Samples of the part to which a map is fitted.
-pub const ASKING: usize = 300;
-/// Eigenfunctions of the part in a map; of the whole as many as have no larger eigenvalue.
-const MAP_SIZE: usize = 20;
-/// Tikhonov weight of a fit, per sample.
-const FIT_RIDGE: f64 = 1e-3;
 
 /// A part, the whole, and how long the part's unit is on the whole.
 pub struct PartInWhole<'a> {
@@ -69,16 +47,16 @@ impl<'a> PartInWhole<'a> {
         }
     }
 
-    /// A `(kₛ, kₜ)` map, target coefficients → source coefficients, by the images of the part's first [`ASKING`]
+    /// A `(kₛ, kₜ)` map, target coefficients → source coefficients, by the images of the part's first `SEARCH.asking`
     /// samples.
     ///
     /// # Errors
     /// [`crate::Error::NotFactorised`].
     pub fn fitted(&self, images: &[u32]) -> Result<Mat<f64>> {
         let Self { part, whole, .. } = self;
-        let asking = part.farthest_points(ASKING);
+        let asking = part.farthest_points(SEARCH.asking);
         let most = whole.basis.values.len();
-        let size = MAP_SIZE.min(part.basis.values.len());
+        let size = SEARCH.map_size.min(part.basis.values.len());
         let whole_size = ((size as f32 / (self.unit * self.unit)).round() as usize).min(most);
         let here = dense::gather_rows(part.basis.functions.as_ref(), asking, size);
         let there = dense::gather_rows(whole.basis.functions.as_ref(), images, whole_size);
@@ -91,12 +69,12 @@ impl<'a> PartInWhole<'a> {
         dense::solve_with_ridge(
             System::Map,
             gram,
-            |_| FIT_RIDGE * asking.len() as f64,
+            |_| SEARCH.fit_ridge * asking.len() as f64,
             right.as_ref(),
         )
     }
 
-    /// Samples of the whole whose distances to the places are those of the part's first [`ASKING`] samples to the
+    /// Samples of the whole whose distances to the places are those of the part's first `SEARCH.asking` samples to the
     /// placed ones.
     fn images(&self, places: &[u16]) -> Vec<u32> {
         let Self { part, whole, .. } = self;
@@ -113,7 +91,7 @@ impl<'a> PartInWhole<'a> {
                 if found.0 < best.0 { found } else { best }
             })
         };
-        let asking = part.farthest_points(ASKING).iter();
+        let asking = part.farthest_points(SEARCH.asking).iter();
         asking.map(|v| image(v).1).collect()
     }
 }
@@ -139,7 +117,7 @@ pub fn first_maps(pair: &PartInWhole<'_>, check: Check<'_>) -> Result<Vec<Mat<f6
 #[inline(always)]
 pub fn change(on_part: f32, on_whole: f32) -> f32 {
     let longer = on_part - on_whole;
-    let weighted = longer * if longer > 0.0 { LONGER } else { 1.0 };
+    let weighted = longer * if longer > 0.0 { SEARCH.longer } else { 1.0 };
     weighted * weighted
 }
 
@@ -163,7 +141,7 @@ fn placements(
 ) -> Result<Vec<Vec<u16>>> {
     let sites = on_whole.nrows();
     let cells: Vec<u16> = (0..sites)
-        .map(|x| nearest_of_first(on_whole, x, CELLS))
+        .map(|x| nearest_of_first(on_whole, x, SEARCH.cells))
         .collect();
     let mut kept: Vec<Placement> = (0..sites)
         .map(|x| Placement {
@@ -172,7 +150,7 @@ fn placements(
             cells: vec![cells[x]],
         })
         .collect();
-    for i in 1..PLACED.min(on_part.nrows()) {
+    for i in 1..SEARCH.placed.min(on_part.nrows()) {
         check()?;
         let mut children: Vec<Child> = kept
             .par_iter()
@@ -186,7 +164,7 @@ fn placements(
         let order = |a: &Child, b: &Child| -> Ordering {
             a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2)))
         };
-        let looked_at = (CHILDREN * KEPT).min(children.len());
+        let looked_at = (SEARCH.children * SEARCH.kept).min(children.len());
         children.select_nth_unstable_by(looked_at - 1, order);
         children.truncate(looked_at);
         children.sort_unstable_by(order);
@@ -223,13 +201,13 @@ fn costs_of_next(
 /// The first children, only so many of those that are alike.
 fn varied(parents: &[Placement], children: &[Child], cells: &[u16]) -> Vec<Placement> {
     let mut alike: HashMap<Vec<u16>, usize> = HashMap::new();
-    let mut kept = Vec::with_capacity(KEPT);
+    let mut kept = Vec::with_capacity(SEARCH.kept);
     for &(cost, parent, place) in children {
         let parent = &parents[parent as usize];
         let with = |list: &[u16], last: u16| [list, &[last]].concat();
         let child_cells = with(&parent.cells, cells[usize::from(place)]);
         let count = alike.entry(child_cells.clone()).or_default();
-        if *count < ALIKE {
+        if *count < SEARCH.alike {
             *count += 1;
             kept.push(Placement {
                 cost,
@@ -237,7 +215,7 @@ fn varied(parents: &[Placement], children: &[Child], cells: &[u16]) -> Vec<Place
                 cells: child_cells,
             });
         }
-        if kept.len() == KEPT {
+        if kept.len() == SEARCH.kept {
             break;
         }
     }
@@ -253,12 +231,12 @@ fn finished(placements: Vec<Placement>, on_whole: MatRef<'_, f32>) -> Vec<Vec<u1
             let sum: f32 = apart
                 .map(|(&a, &b)| on_whole[(usize::from(a), usize::from(b))])
                 .sum();
-            sum > APART * places.len() as f32
+            sum > SEARCH.apart * places.len() as f32
         };
         if chosen.iter().all(differs) {
             chosen.push(places);
         }
-        if chosen.len() == FINISHED {
+        if chosen.len() == SEARCH.finished {
             break;
         }
     }
@@ -293,14 +271,14 @@ mod tests {
     #[test]
     fn samples_are_placed_where_their_distances_are_known() {
         let whole = scattered(60);
-        let places: Vec<u16> = (0..PLACED as u16).map(|i| 23 * i % 60).collect();
+        let places: Vec<u16> = (0..SEARCH.placed as u16).map(|i| 23 * i % 60).collect();
         let part: Vec<Point> = places.iter().map(|&x| whole[usize::from(x)]).collect();
         let mut on_part = between(&part);
         let on_whole = between(&whole);
         let found = placements(on_part.as_ref(), on_whole.as_ref(), &|| Ok(())).expect("goes on");
         assert_eq!(found[0], places);
         // Detours around what was cut away: of 66 distances a tenth is longer by a fifth.
-        for (i, j) in (0..PLACED).flat_map(|i| (0..i).map(move |j| (i, j))) {
+        for (i, j) in (0..SEARCH.placed).flat_map(|i| (0..i).map(move |j| (i, j))) {
             if (i + j) % 10 == 3 {
                 on_part[(i, j)] *= 1.2;
                 on_part[(j, i)] *= 1.2;

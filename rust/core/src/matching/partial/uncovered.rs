@@ -1,24 +1,10 @@
 //! What the map of a part leaves over of the whole. It was cut off the part, so it begins at a rim of the part.
 
+use crate::matching::partial::settings::UNCOVERED;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::Pair;
 use crate::matching::ranking::Hypothesis;
 use crate::shape::Shape;
-
-/// Samples of the whole that are looked at; next ones lie about 0.07 apart.
-const LOOKED_AT: usize = 300;
-/// A sample farther than this from all images of the part's samples, which lie closer together, is left over.
-const UNCOVERED: f64 = 0.08;
-/// Samples nearer than this to one another belong to one piece.
-const OF_ONE_PIECE: f64 = 0.13;
-/// A piece begins at an image that is nearer than this to one of its samples.
-const BEGINS_WITHIN: f64 = 0.15;
-/// [Nearness](crate::mesh::boundary::nearness) of a sample at a rim: 0.04 from it.
-const AT_RIM: f64 = 0.17;
-/// What may begin elsewhere: this share of the samples, fingertips that lie a little away from all images, and this share of
-/// what is left over. Right maps of cut bodies have at most 0.013 where little is left over, else at most 0.15 of
-/// it; maps that take a whole body with small holes for a part leave 0.3 to 1 of it so.
-const ELSEWHERE_AT_MOST: (f64, f64) = (0.01, 0.2);
 
 /// Whether what a map of a part leaves over of the whole begins at rims of the part.
 pub(in crate::matching) fn begins_at_boundary(
@@ -32,17 +18,17 @@ pub(in crate::matching) fn begins_at_boundary(
         Which::Source => of_source,
     };
     let (all, elsewhere) = uncovered(pair.shape(part_is), pair.shape(part_is.other()), images);
-    elsewhere <= ELSEWHERE_AT_MOST.0 + ELSEWHERE_AT_MOST.1 * all
+    elsewhere <= UNCOVERED.elsewhere_at_most.0 + UNCOVERED.elsewhere_at_most.1 * all
 }
 
 /// Coverage of the whole's samples that are left over, and that are and begin elsewhere than at the images of the part's rims,
 /// given the images of the part's samples.
 fn uncovered(part: &Shape, whole: &Shape, images: &[u32]) -> (f64, f64) {
-    let samples = whole.farthest_points(LOOKED_AT);
+    let samples = whole.farthest_points(UNCOVERED.looked_at);
     let at_rim: Vec<bool> = part
         .farthest
         .iter()
-        .map(|&v| part.rim_nearness[v as usize] > AT_RIM)
+        .map(|&v| part.rim_nearness[v as usize] > UNCOVERED.at_rim)
         .collect();
     let to_images = whole.spectral_distances(images, samples);
     let nearest = |sample: usize, counts: &dyn Fn(usize) -> bool| {
@@ -52,18 +38,20 @@ fn uncovered(part: &Shape, whole: &Shape, images: &[u32]) -> (f64, f64) {
         distances.fold(f64::INFINITY, f64::min)
     };
     let mut left: Vec<usize> = (0..samples.len())
-        .filter(|&sample| nearest(sample, &|_| true) > UNCOVERED)
+        .filter(|&sample| nearest(sample, &|_| true) > UNCOVERED.farther_than)
         .collect();
     let all = left.len();
     let between = whole.spectral_distances(samples, samples);
     // Pieces grow from the rims; what they do not reach begins elsewhere.
     let mut front: Vec<usize> = left
         .extract_if(.., |&mut sample| {
-            nearest(sample, &|i| at_rim[i]) < BEGINS_WITHIN
+            nearest(sample, &|i| at_rim[i]) < UNCOVERED.begins_within
         })
         .collect();
     while let Some(reached) = front.pop() {
-        front.extend(left.extract_if(.., |&mut sample| between[(reached, sample)] < OF_ONE_PIECE));
+        front.extend(left.extract_if(.., |&mut sample| {
+            between[(reached, sample)] < UNCOVERED.of_one_piece
+        }));
     }
     let share = |count: usize| count as f64 / samples.len() as f64;
     (share(all), share(left.len()))

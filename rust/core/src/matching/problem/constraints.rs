@@ -4,17 +4,9 @@ use faer::Mat;
 
 use crate::error::Result;
 use crate::geodesics;
+use crate::matching::problem::settings::CONSTRAINTS;
 use crate::shape::Shape;
 use crate::watch::progress::Progress;
-
-/// Reach of a landmark in the search, at unit area: about a limb.
-const SEARCH_REACH: f64 = 0.4;
-/// Weight of a landmark in the search beside eigenfunctions and descriptors.
-const SEARCH_WEIGHT: f64 = 2.0;
-/// Reach of a landmark in the refinement, where it only has to draw its neighbourhood along.
-const REFINEMENT_REACH: f64 = 0.1;
-/// Weight of the coordinates in the search when both shapes stand in one frame.
-const AXES_WEIGHT: f64 = 2.0;
 
 /// Which shape of a pair.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -112,14 +104,15 @@ impl Constraints {
     /// What draws the images of vertices together in the search, a column each, `(c, vertices)`.
     #[must_use]
     pub fn in_search(&self, which: Which, shape: &Shape, vertices: &[u32]) -> Mat<f32> {
-        let near = self.nearness(which, SEARCH_REACH, SEARCH_WEIGHT);
+        let near = self.nearness(which, CONSTRAINTS.search_reach, CONSTRAINTS.search_weight);
         let known = self.landmarks.len();
         let axes = if self.same_axes { 3 } else { 0 };
         Mat::from_fn(known + axes, vertices.len(), |c, i| {
             if c < known {
                 near(vertices[i], c)
             } else {
-                (AXES_WEIGHT * shape.mesh.vertices[vertices[i] as usize][c - known]) as f32
+                (CONSTRAINTS.axes_weight * shape.mesh.vertices[vertices[i] as usize][c - known])
+                    as f32
             }
         })
     }
@@ -128,7 +121,11 @@ impl Constraints {
     /// unit is a unit of length.
     #[must_use]
     pub fn in_refinement(&self, which: Which) -> Mat<f32> {
-        let near = self.nearness(which, REFINEMENT_REACH, REFINEMENT_REACH);
+        let near = self.nearness(
+            which,
+            CONSTRAINTS.refinement_reach,
+            CONSTRAINTS.refinement_reach,
+        );
         let n = self.distances(which).nrows();
         Mat::from_fn(n, self.landmarks.len(), |v, l| near(v as u32, l))
     }

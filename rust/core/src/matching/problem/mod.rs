@@ -3,3 +3,4 @@
 pub mod constraints;
 pub mod pair;
 pub mod point_map;
+pub mod settings;

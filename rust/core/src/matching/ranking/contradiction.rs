@@ -4,6 +4,7 @@ use super::metrics::judging;
 use crate::algebra::dense::Rows;
 use crate::algebra::vector;
 use crate::matching::problem::pair::Pair;
+use crate::matching::ranking::settings::CONTRADICTION;
 use crate::shape::nearest::nearest;
 
 /// Source vertices of the landmarks by the embeddings of a map.
@@ -14,20 +15,16 @@ pub(super) fn landmark_images(pair: &Pair<'_>, source: &Rows, target: &Rows) -> 
 
 /// Σ (d/0.1)² over landmarks, d the distance between given and found image.
 pub(super) fn missed_landmarks(pair: &Pair<'_>, found: &[u32]) -> f64 {
-    /// A landmark missed by a tenth of √area doubles the score.
-    const TOLERANCE: f64 = 0.1;
     let given: Vec<u32> = pair.constraints.landmarks.iter().map(|&(s, _)| s).collect();
     let distances = pair.source.spectral_distances(&given, found);
     (0..given.len())
-        .map(|i| (distances[(i, i)] / TOLERANCE).powi(2))
+        .map(|i| (distances[(i, i)] / CONTRADICTION.landmark_tolerance).powi(2))
         .sum()
 }
 
 /// 4 (1 − r), r the correlation between the coordinates of the judging samples and those of their
 /// images, when both shapes stand in one frame; the shapes are centred.
 pub(super) fn off_axes(pair: &Pair<'_>, images: &[u32]) -> f64 {
-    /// Half a turn about the height of a standing character then triples its rank.
-    const WEIGHT: f64 = 4.0;
     if !pair.constraints.same_axes {
         return 0.0;
     }
@@ -39,14 +36,12 @@ pub(super) fn off_axes(pair: &Pair<'_>, images: &[u32]) -> f64 {
         own += vector::dot(p, p);
         other += vector::dot(q, q);
     }
-    WEIGHT * (1.0 - both / (own * other).sqrt())
+    CONTRADICTION.axes_weight * (1.0 - both / (own * other).sqrt())
 }
 
 /// (d/0.06)², d the mean difference between what the distances of points and of their images from their own
 /// mirror images count, where both shapes are symmetric.
 pub(super) fn off_symmetry(pair: &Pair<'_>, images: &[u32]) -> f64 {
-    /// A leg taken for the tail doubles the rank.
-    const TOLERANCE: f64 = 0.06;
     let Some([target, source]) = pair.mirror_offsets else {
         return 0.0;
     };
@@ -56,5 +51,5 @@ pub(super) fn off_symmetry(pair: &Pair<'_>, images: &[u32]) -> f64 {
         .zip(images)
         .map(|(&v, &image)| f64::from((target[v as usize] - source[image as usize]).abs()))
         .sum();
-    (sum / asked.len() as f64 / TOLERANCE).powi(2)
+    (sum / asked.len() as f64 / CONTRADICTION.symmetry_tolerance).powi(2)
 }

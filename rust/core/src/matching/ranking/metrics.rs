@@ -6,24 +6,13 @@ use faer::{Mat, MatRef, Scale};
 
 use crate::matching::problem::pair::{Coverage, Pair, Part};
 use crate::matching::problem::point_map::{PointMap, PointMaps};
+use crate::matching::ranking::settings::METRICS;
 use crate::matching::refinement::embedded_surface::Refined;
 use crate::mesh::boundary;
+use crate::shape::Shape;
 use crate::shape::descriptors::{DETAIL_CURVATURES, Descriptors, HEAT_TIMES};
-use crate::shape::gradients::{FUNCTIONS, TangentGradients, orientation};
-use crate::shape::{JUDGED, Shape};
-
-/// Eigenfunctions of the orientation test at 60.
-const ORIENTATION_FUNCTIONS: usize = 24;
-/// Weight of the orientation in the score and in the rank: a perfect one is 1.
-pub(super) const ORIENTATION_OFFSET: (f64, f64) = (1.2, 2.0);
-/// What agreement of extrinsic looks leaves of the rank, squared: a perfect one is about 0.
-const DISAGREEMENT_OFFSET: f64 = 1.05;
-/// Distortions that differ by less are equal: spectral distances are about 2 % off.
-const DISTORTION_NOISE: f64 = 2e-3;
-/// Added to the power of weighted curvatures: that of a sphere's sampling noise.
-const CURVATURE_FLOOR: f64 = 1e-5;
-/// Distances below this are compared for the grade; long ones differ between right maps too.
-const LOCAL: f64 = 0.35;
+use crate::shape::gradients::{TangentGradients, orientation};
+use crate::shape::settings::{GRADIENTS, SHAPE};
 
 /// Metrics by which a whole map is judged.
 #[derive(Debug, Clone, Copy, Default)]
@@ -75,9 +64,9 @@ impl Metrics {
     }
 
     fn cost_by(&self, agreement: f64) -> f64 {
-        (self.local_distortion + DISTORTION_NOISE)
-            * (ORIENTATION_OFFSET.1 - self.orientation)
-            * (DISAGREEMENT_OFFSET - agreement).powi(2)
+        (self.local_distortion + METRICS.distortion_noise)
+            * (METRICS.orientation_offset.1 - self.orientation)
+            * (METRICS.disagreement_offset - agreement).powi(2)
     }
 }
 
@@ -93,12 +82,12 @@ pub(super) fn orientation_of(pair: &Pair<'_>, matrix: MatRef<'_, f64>, maps: Poi
     };
     // Low functions of a part are made of many of the whole.
     let functions = if pair.knows_lengths() {
-        FUNCTIONS.max(matrix.nrows())
+        GRADIENTS.functions.max(matrix.nrows())
     } else {
-        FUNCTIONS
+        GRADIENTS.functions
     };
     let gradients = |shape: &Shape, vertices: &[u32]| {
-        if vertices == judging(shape) && functions == FUNCTIONS {
+        if vertices == judging(shape) && functions == GRADIENTS.functions {
             Arc::clone(shape.judged_gradients())
         } else {
             Arc::new(TangentGradients::new(shape, vertices, functions))
@@ -113,7 +102,7 @@ pub(super) fn orientation_of(pair: &Pair<'_>, matrix: MatRef<'_, f64>, maps: Poi
         &on_target,
         matrix,
         (0..here.len()).map(|i| (i, i)),
-        ORIENTATION_FUNCTIONS,
+        METRICS.orientation_functions,
     )
 }
 
@@ -133,13 +122,13 @@ pub fn sampled_images(map: &Refined<'_>) -> [Vec<u32>; 2] {
 
 /// Of the images of all samples those of the samples on which maps are judged.
 pub(super) fn of_judged(images: &[u32]) -> &[u32] {
-    &images[..JUDGED.min(images.len())]
+    &images[..SHAPE.judged.min(images.len())]
 }
 
 /// The samples on which maps are judged.
 #[must_use]
 pub fn judging(shape: &Shape) -> &[u32] {
-    shape.farthest_points(JUDGED)
+    shape.farthest_points(SHAPE.judged)
 }
 
 /// Orientation and local distortion of a map, given the images of both shapes' farthest-point samples.
@@ -150,7 +139,7 @@ pub fn metrics(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &[Vec<u32>; 2])
     // In the unit of the shape that asks, so that a part gains nothing by being taken for a smaller one.
     let change = |a: &Shape, unit: f64, b: &Shape, images: &[u32]| {
         let there = Scale(1.0 / unit) * b.spectral_distances(images, images);
-        mean_change(&a.between_judged, &there, LOCAL)
+        mean_change(&a.between_judged, &there, METRICS.local)
     };
     let maps = PointMaps {
         target_to_source: on_source,
@@ -239,7 +228,7 @@ fn correlation_of(weights: &[f64], mut a: Vec<f64>, mut b: Vec<f64>) -> f64 {
         let terms = weights.iter().zip(a).zip(b).map(|((w, x), y)| w * x * y);
         terms.sum::<f64>() / total
     };
-    product(&a, &b) / ((product(&a, &a) * product(&b, &b)).sqrt() + CURVATURE_FLOOR)
+    product(&a, &b) / ((product(&a, &a) * product(&b, &b)).sqrt() + METRICS.curvature_floor)
 }
 
 /// Mean |a − b| over pairs whose first distance is below the limit.

@@ -3,6 +3,7 @@
 mod contradiction;
 mod metrics;
 pub mod quality;
+pub mod settings;
 mod shortlist;
 
 use std::sync::Arc;
@@ -12,36 +13,26 @@ use rayon::prelude::*;
 
 use self::contradiction::{landmark_images, missed_landmarks, off_axes, off_symmetry};
 use self::metrics::of_judged;
-use self::shortlist::{DIFFERENT, SHORTLISTED, Shortlisted, mirrored_gain, shortlist};
+use self::shortlist::{Shortlisted, mirrored_gain, shortlist};
 use crate::algebra::vector;
 use crate::error::Result;
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair};
 use crate::matching::problem::point_map::PointMap;
+use crate::matching::ranking::settings::{RANKING, SHORTLIST};
 use crate::matching::refinement::coinciding::Placed;
 use crate::matching::refinement::embedded_surface::{self, Refined};
-use crate::matching::refinement::upsampling::UPSAMPLED_SIZE;
+use crate::matching::refinement::settings::UPSAMPLING;
 use crate::matching::search::{Candidate, Reach};
 use crate::shape::Shape;
 
 pub use metrics::{Metrics, agreement, judging, metrics, sampled_images};
 
-/// Eigenfunctions of a candidate's map after its short refinement.
-const REFINED_SIZE: usize = 120;
-/// Candidates whose ranks differ by less than this fraction are told apart by their dense maps.
-const CLOSE: f64 = 0.15;
 /// No map comes near where the second rank is beyond this.
 const ALONE: Reach = Reach {
     times: 1.6,
     floor: 5e-3,
 };
-/// Maps whose images lie farther apart than this on average are not the same.
-const ANOTHER_MAP: f64 = 0.05;
-/// From here on curvatures of other maps count for the margin: a body turned front to back lies 0.3 to 0.6 from the right map, what
-/// differs in a leg or in details less.
-const TURNED: f64 = 0.2;
-/// Beyond this margin more says nothing.
-const MARGIN_AT_MOST: f64 = 2.0;
 
 /// A map that may be the right one, before its final refinement.
 #[derive(Debug, Clone)]
@@ -131,7 +122,7 @@ fn judged(
     let mut metrics = metrics(pair, voter.matrix.as_ref(), &images);
     metrics.contradiction = voter.contradiction + off_symmetry(pair, of_judged(&images[0]));
     Ok(Hypothesis {
-        matrix: state.low_map(REFINED_SIZE)?,
+        matrix: state.low_map(RANKING.refined_size)?,
         metrics,
         coverage: pair.coverage,
         placed: None,
@@ -186,7 +177,7 @@ pub fn of_part(
                 embedded_surface::refined(&unguided, first.as_ref(), None, schedule, &|_| check())?;
             let images = sampled_images(&state);
             let on_source = of_judged(&images[0]);
-            let matrix = state.low_map(UPSAMPLED_SIZE)?;
+            let matrix = state.low_map(UPSAMPLING.upsampled_size)?;
             let mut metrics = metrics(pair, matrix.as_ref(), &images);
             let of_landmarks = landmark_images(pair, &state.source().rows, &state.target().rows);
             metrics.contradiction = missed_landmarks(pair, &of_landmarks)
@@ -206,7 +197,7 @@ pub fn of_part(
         .into_iter()
         .filter(|h| pair.mirror == Mirror::Allow || h.metrics.orientation > 0.0);
     let mut best = merged(pair.source, direct.collect(), Vec::new());
-    best.truncate(SHORTLISTED);
+    best.truncate(SHORTLIST.shortlisted);
     Ok(best)
 }
 
@@ -216,7 +207,7 @@ pub fn of_part(
 /// [`crate::Error::NotFactorised`].
 pub fn of_placed(pair: &Pair<'_>, found: &Refined<'_>, placed: Arc<Placed>) -> Result<Hypothesis> {
     let asking = found.target();
-    let matrix = found.low_map(UPSAMPLED_SIZE)?;
+    let matrix = found.low_map(UPSAMPLING.upsampled_size)?;
     let images = sampled_images(found);
     let [on_source, on_target] = images.each_ref().map(|images| of_judged(images));
     let mut metrics = metrics(pair, matrix.as_ref(), &images);
@@ -256,7 +247,7 @@ fn facing(map: PointMap<'_>) -> f64 {
 pub fn rivals(hypotheses: &[Hypothesis]) -> usize {
     let bound = hypotheses
         .first()
-        .map_or(0.0, |best| (1.0 + CLOSE) * best.metrics.cost());
+        .map_or(0.0, |best| (1.0 + RANKING.close) * best.metrics.cost());
     hypotheses
         .iter()
         .take_while(|h| h.metrics.cost() <= bound)
@@ -283,7 +274,7 @@ pub fn merged(source: &Shape, some: Vec<Hypothesis>, more: Vec<Hypothesis>) -> V
 /// Whether two hypotheses are one map but for details.
 #[must_use]
 pub fn say_the_same(source: &Shape, a: &Hypothesis, b: &Hypothesis) -> bool {
-    source.mean_spectral_distance(a.judged_images(), b.judged_images()) <= DIFFERENT
+    source.mean_spectral_distance(a.judged_images(), b.judged_images()) <= SHORTLIST.different
 }
 
 /// Holds the symmetry of both shapes, found since, against hypotheses that were made without it.
@@ -308,16 +299,16 @@ pub fn stands_alone(hypotheses: &[Hypothesis]) -> bool {
 /// by the other.
 pub fn compare_with_chosen(source: &Shape, chosen: usize, hypotheses: &mut [Hypothesis]) {
     let images = hypotheses[chosen].judged_images().to_vec();
-    let mut margin = MARGIN_AT_MOST;
+    let mut margin = RANKING.margin_at_most;
     let best = hypotheses[chosen].metrics;
     for hypothesis in hypotheses.iter_mut() {
         let apart = source.mean_spectral_distance(hypothesis.judged_images(), &images);
         let metrics = &mut hypothesis.metrics;
         metrics.apart = apart;
-        if metrics.apart > ANOTHER_MAP {
+        if metrics.apart > RANKING.another_map {
             margin = margin.min(metrics.cost() / best.cost());
         }
-        if metrics.apart > TURNED {
+        if metrics.apart > RANKING.turned {
             margin = margin.min(metrics.cost_by_curvatures() / best.cost_by_curvatures());
         }
     }
@@ -357,7 +348,7 @@ mod tests {
         let mut both = [found(0.65, 0.4, AROUND as u32 / 2), found(0.7, 0.2, 0)];
         assert!(both[1].metrics.cost() > both[0].metrics.cost());
         compare_with_chosen(&shape, 0, &mut both);
-        assert!(both[1].metrics.apart > TURNED);
+        assert!(both[1].metrics.apart > RANKING.turned);
         assert!(both.iter().all(|h| h.metrics.margin < 1.0));
     }
 }

@@ -2,6 +2,7 @@
 
 use crate::matching::problem::pair::Coverage;
 use crate::matching::ranking::Metrics;
+use crate::matching::ranking::settings::QUALITY;
 use crate::mesh::IntakeReport;
 
 /// How far a map can be trusted as a whole.
@@ -14,36 +15,6 @@ pub enum Grade {
     /// Probably wrong.
     Red,
 }
-
-/// Orientation below which a map is doubtful, and from which it is clearly direct.
-const ORIENTATION: (f64, f64) = (0.65, 0.75);
-/// Mean change of short distances up to which bodies are alike, and beyond which a map is doubtful.
-const LOCAL_DISTORTION: (f64, f64) = (0.035, 0.05);
-/// Mean change of short distances beyond which these do not tell which point is which: between game figures, at rest and in
-/// poses, right maps of a narrow search stay below 0.075, and 0.09 to 0.105 were all wrong.
-const INCOMPARABLE: f64 = 0.085;
-/// Orientation from which, and mean change of short distances up to which, a map without a rival needs no
-/// wider search: poses of one body have 0.75 and 0.02.
-const CLEAR: (f64, f64) = (0.7, 0.025);
-/// Mean change of short distances below which the second way of the refinement brings nothing: 55 such pairs have the same
-/// errors without it, 18 between 0.021 and 0.025 four per cent larger ones.
-const ISOMETRIC: f64 = 0.021;
-/// Score below which a map is graded red, and from which it may be green: of 495 maps 67 of 98 below 0.2 are wrong, 8 of 80
-/// between 0.2 and 0.5, and none of 317 above.
-const SCORE: (f64, f64) = (0.2, 0.55);
-/// Margin at which another map is clearly better than the chosen one, and from which it is no rival.
-const MARGIN: (f64, f64) = (0.85, 1.35);
-/// What the closest rival leaves of the score at least.
-const LEAST_CLARITY: f64 = 0.15;
-/// Distance from the chosen map at which an alternative's score falls to 1/e.
-const REACH: f64 = 0.07;
-/// Agreement of curvatures from which shapes may be poses of one body: these have 0.7 to 0.9, other
-/// bodies 0.4 to 0.7.
-const ALIKE: f64 = 0.75;
-/// Agreement of curvatures below which shapes do not look alike.
-const LOOKS_ALIKE: f64 = 0.6;
-/// From this gain on a mirrored map fits clearly better than the direct one.
-const MIRRORED_GAIN: f64 = 1.5;
 
 impl Grade {
     /// Name of the grade.
@@ -60,25 +31,26 @@ impl Grade {
 /// Whether the search has found nothing convincing, so that more should be tried.
 #[must_use]
 pub fn doubtful(metrics: &Metrics) -> bool {
-    metrics.orientation < ORIENTATION.0 || metrics.local_distortion > LOCAL_DISTORTION.1
+    metrics.orientation < QUALITY.orientation.0
+        || metrics.local_distortion > QUALITY.local_distortion.1
 }
 
 /// Whether a map changes distances by so much that these do not tell which point is which.
 #[must_use]
 pub fn incomparable(metrics: &Metrics) -> bool {
-    metrics.local_distortion > INCOMPARABLE
+    metrics.local_distortion > QUALITY.incomparable
 }
 
 /// Whether a map changes short distances by more than there is between bodies that are alike.
 #[must_use]
 pub fn stretches(metrics: &Metrics) -> bool {
-    metrics.local_distortion > LOCAL_DISTORTION.0
+    metrics.local_distortion > QUALITY.local_distortion.0
 }
 
 /// Whether the two shapes hardly look like one body in two poses, by the curvatures of a map between them.
 #[must_use]
 fn unlike(metrics: &Metrics) -> bool {
-    metrics.agreement < ALIKE
+    metrics.agreement < QUALITY.alike
 }
 
 /// Whether the best map so far says that the shapes are not poses of one body.
@@ -90,13 +62,13 @@ pub fn differ(metrics: &Metrics) -> bool {
 /// Whether a map keeps distances and orientation so well that it is one of two poses of a body.
 #[must_use]
 pub fn clear(metrics: &Metrics) -> bool {
-    metrics.orientation > CLEAR.0 && metrics.local_distortion < CLEAR.1
+    metrics.orientation > QUALITY.clear.0 && metrics.local_distortion < QUALITY.clear.1
 }
 
 /// Whether a map keeps distances and orientation as hardly any but between poses of one body does.
 #[must_use]
 pub fn isometric(metrics: &Metrics) -> bool {
-    metrics.orientation > CLEAR.0 && metrics.local_distortion < ISOMETRIC
+    metrics.orientation > QUALITY.clear.0 && metrics.local_distortion < QUALITY.isometric
 }
 
 /// How likely a map is right, in [0, 1]: curvatures agree at matched points, no other map fits
@@ -105,13 +77,13 @@ pub fn isometric(metrics: &Metrics) -> bool {
 #[must_use]
 pub fn score(metrics: &Metrics) -> f64 {
     let clarity = if incomparable(metrics) {
-        LEAST_CLARITY
+        QUALITY.least_clarity
     } else {
-        (metrics.margin - MARGIN.0) / (MARGIN.1 - MARGIN.0)
+        (metrics.margin - QUALITY.margin.0) / (QUALITY.margin.1 - QUALITY.margin.0)
     };
     metrics.agreement.max(0.0)
-        * clarity.clamp(LEAST_CLARITY, 1.0)
-        * (-(metrics.apart / REACH).powi(2)).exp()
+        * clarity.clamp(QUALITY.least_clarity, 1.0)
+        * (-(metrics.apart / QUALITY.reach).powi(2)).exp()
 }
 
 /// What was left out of a shape, in words, if anything was: the match is of one connected part.
@@ -148,35 +120,35 @@ pub fn graded(metrics: &Metrics, coverage: Coverage) -> (Grade, Vec<String>) {
     } else if coverage == Coverage::SOURCE_IS_PART {
         reasons.push("the source looks like a part of the target".into());
     }
-    if metrics.mirrored_gain > MIRRORED_GAIN {
+    if metrics.mirrored_gain > QUALITY.mirrored_gain {
         reasons
             .push("one shape looks like a mirror image of the other: allow mirrored maps".into());
     }
-    if metrics.apart > REACH {
+    if metrics.apart > QUALITY.reach {
         reasons.push("another map fits better: this is an alternative".into());
-    } else if metrics.margin < MARGIN.1 {
+    } else if metrics.margin < QUALITY.margin.1 {
         reasons.push(
             "other maps fit almost as well: compare the alternatives or set a landmark".into(),
         );
     }
-    if metrics.agreement < LOOKS_ALIKE {
+    if metrics.agreement < QUALITY.looks_alike {
         reasons.push(format!(
             "bumps and hollows do not agree (correlation {:.2}): the shapes may not match",
             metrics.agreement
         ));
     }
-    if o < ORIENTATION.0 {
+    if o < QUALITY.orientation.0 {
         reasons.push(format!(
             "left and right are hard to tell apart (orientation {o:.2}): try the next alternative"
         ));
-    } else if o < ORIENTATION.1 {
+    } else if o < QUALITY.orientation.1 {
         reasons.push(format!("the surface turns in places (orientation {o:.2})"));
     }
-    if metrics.local_distortion > LOCAL_DISTORTION.1 {
+    if metrics.local_distortion > QUALITY.local_distortion.1 {
         reasons.push(format!(
             "distances change by {d:.1} % of √area: the shapes differ, or one is a part"
         ));
-    } else if metrics.local_distortion > LOCAL_DISTORTION.0 {
+    } else if metrics.local_distortion > QUALITY.local_distortion.0 {
         reasons.push(format!(
             "distances change by {d:.1} % of √area: the bodies differ"
         ));
@@ -189,14 +161,14 @@ pub fn graded(metrics: &Metrics, coverage: Coverage) -> (Grade, Vec<String>) {
         );
     }
     // A part is asked half as many questions, but looks like what it is a part of.
-    let unlike_part = coverage != Coverage::BOTH && metrics.agreement < LOOKS_ALIKE;
-    let grade = if score < SCORE.0 {
+    let unlike_part = coverage != Coverage::BOTH && metrics.agreement < QUALITY.looks_alike;
+    let grade = if score < QUALITY.score.0 {
         Grade::Red
-    } else if score < SCORE.1
+    } else if score < QUALITY.score.1
         || unlike_part
         || torn
         || doubtful(metrics)
-        || metrics.mirrored_gain > MIRRORED_GAIN
+        || metrics.mirrored_gain > QUALITY.mirrored_gain
     {
         Grade::Amber
     } else {
@@ -217,7 +189,7 @@ mod tests {
             orientation: 0.9,
             local_distortion: 0.01,
             agreement: 0.9,
-            margin: MARGIN.1,
+            margin: QUALITY.margin.1,
             ..Metrics::default()
         }
     }
@@ -225,7 +197,7 @@ mod tests {
     #[test]
     fn a_part_that_looks_like_another_body_is_not_green() {
         let unlike = Metrics {
-            agreement: f64::midpoint(SCORE.1, LOOKS_ALIKE),
+            agreement: f64::midpoint(QUALITY.score.1, QUALITY.looks_alike),
             ..good()
         };
         let grades = [
@@ -240,7 +212,7 @@ mod tests {
     #[test]
     fn where_distances_do_not_tell_a_map_is_red_however_alike_the_shapes_look() {
         let beyond = Metrics {
-            local_distortion: 1.01 * INCOMPARABLE,
+            local_distortion: 1.01 * QUALITY.incomparable,
             agreement: 1.0,
             ..good()
         };

@@ -4,34 +4,22 @@ use faer::Mat;
 use rayon::prelude::*;
 
 use super::contradiction::{landmark_images, missed_landmarks, off_axes};
-use super::metrics::{ORIENTATION_OFFSET, judging, mean_change, orientation_of};
+use super::metrics::{judging, mean_change, orientation_of};
 use crate::error::{Error, Result};
 use crate::matching::problem::pair::{Coverage, Mirror, Pair, Part};
 use crate::matching::problem::point_map::PointMaps;
+use crate::matching::ranking::settings::{METRICS, SHORTLIST};
 use crate::matching::refinement::upsampling;
 use crate::matching::search::{Candidate, RANKED_WITHIN, Reach};
 use crate::shape::Shape;
 use crate::watch::progress::Check;
 
-/// Candidates that are upsampled and scored.
-const SCORED: usize = 12;
-/// Candidates that take part in the vote.
-pub(super) const SHORTLISTED: usize = 8;
 /// How far behind the best a candidate may be to vote, by score.
 const VOTING_WITHIN: Reach = Reach {
     // Right ones stay below 1.25.
     times: 2.0,
     floor: 1e-5,
 };
-/// Samples against which two candidates are told apart.
-const WITNESSES: usize = 100;
-/// Candidates are different when the distances of their images differ by this on average, and finds
-/// of two searches when their images lie this far apart.
-pub(super) const DIFFERENT: f64 = 0.04;
-/// A candidate at 24 eigenfunctions counts as mirrored below this orientation.
-const MIRRORED: f64 = -0.1;
-/// A candidate at 60 eigenfunctions takes part in the vote from this orientation on.
-const ORIENTED: f64 = 0.15;
 
 /// A candidate after upsampling.
 pub(super) struct Shortlisted {
@@ -57,7 +45,7 @@ pub(super) fn mirrored_gain(candidates: &[Candidate]) -> f64 {
     let least = |mirrored: bool| {
         candidates
             .iter()
-            .filter(|c| (c.orientation < MIRRORED) == mirrored)
+            .filter(|c| (c.orientation < SHORTLIST.mirrored) == mirrored)
             .map(|c| c.energy)
             .fold(f64::INFINITY, f64::min)
     };
@@ -77,8 +65,12 @@ pub(super) fn shortlist(
 ) -> Result<Vec<Shortlisted>> {
     let mut oriented: Vec<&Candidate> = candidates
         .iter()
-        .filter(|c| pair.mirror == Mirror::Allow || c.orientation >= MIRRORED)
-        .take(if pair.uses(Part::Vote) { SCORED } else { 1 })
+        .filter(|c| pair.mirror == Mirror::Allow || c.orientation >= SHORTLIST.mirrored)
+        .take(if pair.uses(Part::Vote) {
+            SHORTLIST.scored
+        } else {
+            1
+        })
         .collect();
     let Some(bound) = oriented.first().map(|best| RANKED_WITHIN.from(best.rank)) else {
         return Err(Error::NoMap {
@@ -111,7 +103,7 @@ pub(super) fn shortlist(
     Ok(different(pair, scored))
 }
 
-/// Q = e₂₄ · ē · (1.2 − o) · ‖Λ₂C − CΛ₁‖/‖Λ₁‖, raised by missed landmarks.
+/// Q = e₂₄ · ē · (1.2 − o) · ‖Λ₁C − CΛ₂‖/‖Λ₂‖, raised by missed landmarks.
 fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64, check: Check<'_>) -> Result<Scored> {
     let (target, source) = (pair.target, pair.source);
     let k = matrix.ncols();
@@ -166,7 +158,11 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64, check: Check<'_>) -> Re
             matrix,
             contradiction,
         },
-        score: energy * distortion * (ORIENTATION_OFFSET.0 - o) * ell * (1.0 + contradiction),
+        score: energy
+            * distortion
+            * (METRICS.orientation_offset.0 - o)
+            * ell
+            * (1.0 + contradiction),
         orientation: o,
         images,
     })
@@ -175,22 +171,22 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64, check: Check<'_>) -> Re
 /// The best candidates that differ from one another.
 fn different(pair: &Pair<'_>, scored: Vec<Scored>) -> Vec<Shortlisted> {
     let source = pair.source;
-    let witnesses = source.farthest_points(WITNESSES);
+    let witnesses = source.farthest_points(SHORTLIST.witnesses);
     let mut chosen: Vec<(Scored, Mat<f64>)> = Vec::new();
     let mut rest = Vec::new();
     let bound = VOTING_WITHIN.from(scored.first().map_or(0.0, |best| best.score));
     for s in scored {
-        if chosen.len() == SHORTLISTED || (s.score > bound && !chosen.is_empty()) {
+        if chosen.len() == SHORTLIST.shortlisted || (s.score > bound && !chosen.is_empty()) {
             break;
         }
-        if pair.mirror == Mirror::Forbid && s.orientation < ORIENTED {
+        if pair.mirror == Mirror::Forbid && s.orientation < SHORTLIST.oriented {
             rest.push(s);
             continue;
         }
         let seen = source.spectral_distances(witnesses, &s.images);
         if chosen
             .iter()
-            .all(|(_, other)| mean_largest_change(&seen, other) > DIFFERENT)
+            .all(|(_, other)| mean_largest_change(&seen, other) > SHORTLIST.different)
         {
             chosen.push((s, seen));
         }

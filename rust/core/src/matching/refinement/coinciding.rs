@@ -7,18 +7,9 @@ use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::Coverage;
+use crate::matching::refinement::settings::COINCIDENCE;
 use crate::shape::Shape;
 use crate::watch::progress::Check;
-
-/// Surfaces coincide when all but [`STRAY`] of their vertices lie this near to the tangent plane at their
-/// image: the nearest point is then as good an image as a map that is right to so much.
-pub const COINCIDENT: f64 = 0.015;
-/// Share of the vertices that may lie farther away.
-pub const STRAY: f64 = 0.03;
-/// Nor may an image lie farther away along that plane than this: some edges of a coarse mesh.
-const BESIDE: f64 = 0.1;
-/// Vertices asked first, without a tree, which is made only where these do not tell that too many lie elsewhere.
-const FIRST_ASKED: usize = 100;
 
 /// Two surfaces of which at least one lies on the other.
 #[derive(Debug, Clone)]
@@ -102,14 +93,15 @@ struct Questions<'a> {
 impl Questions<'_> {
     /// How many may lie farther away.
     fn may_stray(&self) -> usize {
-        (STRAY * self.asked.len() as f64) as usize
+        (COINCIDENCE.stray * self.asked.len() as f64) as usize
     }
 
     /// Whether a vertex lies too far from its image.
     fn strays(&self, vertex: u32, image: u32) -> bool {
         let off = vector::sub(self.from[vertex as usize], self.to[image as usize]);
         let above = vector::dot(self.normals[image as usize], off).abs();
-        above > COINCIDENT * self.unit || vector::norm(off) > BESIDE * self.unit
+        above > COINCIDENCE.coincident * self.unit
+            || vector::norm(off) > COINCIDENCE.beside * self.unit
     }
 
     /// Whether all but a few lie near, by a tree of the other surface's vertices.
@@ -124,18 +116,22 @@ impl Questions<'_> {
     /// Whether they do not, which of most surfaces a few say, asked without a tree.
     fn stray_from_the_first(&self) -> bool {
         let most = self.may_stray();
-        let mut strayed = self.asked.iter().take(FIRST_ASKED).filter(|&&v| {
-            let from = self.from[v as usize];
-            let mut nearest = (f64::INFINITY, 0);
-            for (image, &to) in (0..).zip(self.to) {
-                let off = vector::sub(from, to);
-                let distance = vector::dot(off, off);
-                if distance < nearest.0 {
-                    nearest = (distance, image);
+        let mut strayed = self
+            .asked
+            .iter()
+            .take(COINCIDENCE.first_asked)
+            .filter(|&&v| {
+                let from = self.from[v as usize];
+                let mut nearest = (f64::INFINITY, 0);
+                for (image, &to) in (0..).zip(self.to) {
+                    let off = vector::sub(from, to);
+                    let distance = vector::dot(off, off);
+                    if distance < nearest.0 {
+                        nearest = (distance, image);
+                    }
                 }
-            }
-            self.strays(v, nearest.1)
-        });
+                self.strays(v, nearest.1)
+            });
         strayed.nth(most).is_some()
     }
 }

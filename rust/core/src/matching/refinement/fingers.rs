@@ -5,31 +5,14 @@
 //! [protrusions](crate::shape::protrusions) close to one another are so, all ways of laying them onto those of the other surface
 //! are compared by the distances between their tips.
 
-use std::ops::RangeInclusive;
-
 use faer::Mat;
 
 use crate::error::Result;
 use crate::geodesics;
+use crate::matching::refinement::settings::FINGERS;
 use crate::shape::Shape;
 use crate::shape::protrusions::Protrusions;
 use crate::watch::progress::Check;
-
-/// How far around a tip others are of its group, √area: a hand.
-const GROUP: f32 = 0.3;
-/// How far from the image of a tip the other surface's are of the group there.
-const THERE: f32 = 0.15;
-/// Protrusions of a group; all ways of laying so many onto one another are tried.
-const SIZES: RangeInclusive<usize> = 2..=6;
-/// Share of a protrusion that has to lie on another to be there.
-const MOST: f64 = 0.5;
-/// What a group may be larger or smaller, in proportion.
-const SCALES: (f64, f64) = (0.7, 1.4);
-/// What it costs to lie somewhere else than now, beside changes of distances, for each unit of length; so that no hand is
-/// turned upside down.
-const MOVED: f64 = 0.25;
-/// What it costs to lay a protrusion on none while there is another.
-const NOWHERE: f64 = 0.02;
 
 /// One side of a map: the shape, and the image of each of its vertices.
 #[derive(Clone, Copy)]
@@ -54,7 +37,9 @@ impl Imaged<'_> {
                     coverage[there] += mass;
                 }
             }
-            coverage.iter().position(|share| *share > MOST * area)
+            coverage
+                .iter()
+                .position(|share| *share > FINGERS.most * area)
         })
         .collect()
     }
@@ -84,7 +69,7 @@ pub fn misplaced(
     }
     let from_tips = |shape: &Shape, tips: &[u32]| {
         let cancelled = || check().is_err();
-        geodesics::distances_within(GROUP, &shape.marching, tips, &cancelled)
+        geodesics::distances_within(FINGERS.group, &shape.marching, tips, &cancelled)
     };
     let on_own = from_tips(own.shape, &here.tips)?;
     let on_other = from_tips(other.shape, &there.tips)?;
@@ -94,7 +79,7 @@ pub fn misplaced(
         if is_done[p] {
             continue;
         }
-        let near = |&o: &usize| on_own[(here.tips[o] as usize, p)] < GROUP;
+        let near = |&o: &usize| on_own[(here.tips[o] as usize, p)] < FINGERS.group;
         let group: Vec<usize> = (0..here.count())
             .filter(|&o| !is_done[o])
             .filter(near)
@@ -102,20 +87,25 @@ pub fn misplaced(
         let lies_at = |o: usize| own.images[here.tips[o] as usize];
         let is_there = |&q: &usize| {
             let on_it = |&o: &usize| {
-                to[o] == Some(q) || back[q] == Some(o) || on_other[(lies_at(o) as usize, q)] < THERE
+                to[o] == Some(q)
+                    || back[q] == Some(o)
+                    || on_other[(lies_at(o) as usize, q)] < FINGERS.there
             };
             group.iter().any(on_it)
         };
         let places: Vec<usize> = (0..there.count()).filter(is_there).collect();
         let all_taken = places.iter().all(|&q| settled_there[q]);
-        if all_taken || !SIZES.contains(&group.len()) || !SIZES.contains(&places.len()) {
+        if all_taken
+            || !FINGERS.sizes.contains(&group.len())
+            || !FINGERS.sizes.contains(&places.len())
+        {
             continue;
         }
         for &o in &group {
             is_done[o] = true;
         }
         let between = |distances: &Mat<f32>, at: u32, tip: usize| {
-            f64::from(distances[(at as usize, tip)].min(GROUP))
+            f64::from(distances[(at as usize, tip)].min(FINGERS.group))
         };
         let tips = Tips {
             here: Mat::from_fn(group.len(), group.len(), |i, j| {
@@ -194,8 +184,8 @@ impl Tips {
         }
     }
 
-    /// Mean change of the distances between tips once the group is scaled to what it lies on, and what [`MOVED`] and
-    /// [`NOWHERE`] add.
+    /// Mean change of the distances between tips once the group is scaled to what it lies on, and what `FINGERS.moved` and
+    /// `FINGERS.nowhere` add.
     fn cost(&self, laid: &[Option<usize>]) -> f64 {
         let placed: Vec<(usize, usize)> = laid
             .iter()
@@ -211,7 +201,7 @@ impl Tips {
         let count = pairs().count().max(1) as f64;
         let (here, there) = pairs().fold((0.0, 0.0), |sums, d| (sums.0 + d.0, sums.1 + d.1));
         let scale = if there > 0.0 {
-            (here / there).clamp(SCALES.0, SCALES.1)
+            (here / there).clamp(FINGERS.scales.0, FINGERS.scales.1)
         } else {
             1.0
         };
@@ -221,7 +211,9 @@ impl Tips {
         let away: f64 = placed.iter().map(|&(i, p)| self.away[(i, p)]).sum();
         let places = self.here.nrows().min(self.there.nrows());
         let left = places.saturating_sub(placed.len());
-        change / count + MOVED * away / placed.len().max(1) as f64 + NOWHERE * left as f64
+        change / count
+            + FINGERS.moved * away / placed.len().max(1) as f64
+            + FINGERS.nowhere * left as f64
     }
 }
 

@@ -9,5 +9,6 @@ pub mod piece;
 pub mod propagation;
 pub mod regions;
 pub mod relative_length;
+pub mod settings;
 pub mod side;
 pub mod upsampling;

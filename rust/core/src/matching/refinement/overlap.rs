@@ -4,8 +4,6 @@
 //! only the part can ask. Once a map shows what the part covers, the rest of the whole is cut away too: two
 //! surfaces with much the same rims are left, which are refined as two whole ones.
 
-use std::ops::RangeInclusive;
-
 use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::Point;
 use crate::error::{Error, Result};
@@ -14,20 +12,10 @@ use crate::matching::problem::constraints::{Constraints, Which};
 use crate::matching::problem::pair::{Coverage, Pair};
 use crate::matching::refinement::embedded_surface::{self, FULL, Refined};
 use crate::matching::refinement::piece::Piece;
+use crate::matching::refinement::settings::OVERLAP;
 use crate::mesh::Mesh;
 use crate::shape::Shape;
 use crate::watch::progress::Progress;
-
-/// How far around the images of its vertices a part covers the whole, in mean distances between vertices: as far
-/// as its area asks for, within this range. Farther off, a limb is missing that the map lays onto another.
-const REACH: RangeInclusive<f32> = 1.0..=2.5;
-/// Share of the covered faces that have to hang together. Where a narrow bridge is missing, the reach is widened
-/// some times.
-const IN_ONE_PIECE: f64 = 0.97;
-const WIDER: f32 = 1.4;
-const WIDENINGS: i32 = 4;
-/// A part that covers more of the whole than this leaves nothing to be cut away.
-const NEARLY_ALL: f64 = 0.98;
 
 /// Refines a map between a part and a whole once more, in full, on what the part covers; `None` where that is all
 /// of the whole, or hangs together nowhere, and where neither is a part.
@@ -87,15 +75,17 @@ impl Piece {
         let mut away = vec![0.0; count];
         whole.marching.march_seeds(
             &seeds,
-            REACH.end() * WIDER.powi(WIDENINGS) * spacing,
+            OVERLAP.reach.end() * OVERLAP.wider.powi(OVERLAP.widenings) * spacing,
             &mut Workspace::new(&whole.marching),
             &mut away,
         );
-        let reach = reach_of_area(whole, &away, lengths * lengths)
-            .clamp(REACH.start() * spacing, REACH.end() * spacing);
-        for widening in 0..=WIDENINGS {
+        let reach = reach_of_area(whole, &away, lengths * lengths).clamp(
+            OVERLAP.reach.start() * spacing,
+            OVERLAP.reach.end() * spacing,
+        );
+        for widening in 0..=OVERLAP.widenings {
             progress.check()?;
-            let reach = reach * WIDER.powi(widening);
+            let reach = reach * OVERLAP.wider.powi(widening);
             let covered = |v: &u32| away[*v as usize] <= reach;
             let faces: Vec<[i64; 3]> = whole
                 .mesh
@@ -105,7 +95,7 @@ impl Piece {
                 .map(|corners| corners.map(i64::from))
                 .collect();
             let share = |some: usize, all: usize| some as f64 / all as f64;
-            if share(faces.len(), whole.mesh.faces.len()) > NEARLY_ALL {
+            if share(faces.len(), whole.mesh.faces.len()) > OVERLAP.nearly_all {
                 return Ok(None);
             }
             let mesh = match Mesh::new(&whole.mesh.vertices, &faces) {
@@ -113,7 +103,7 @@ impl Piece {
                 Err(Error::EmptyMesh { .. } | Error::TooFewVertices { .. }) => return Ok(None),
                 Err(other) => return Err(other),
             };
-            if share(mesh.faces.len(), faces.len()) > IN_ONE_PIECE {
+            if share(mesh.faces.len(), faces.len()) > OVERLAP.in_one_piece {
                 return Self::of_mesh(mesh, whole, progress).map(Some);
             }
         }

@@ -15,14 +15,10 @@ use faer::{Mat, Side};
 use crate::algebra::dense::clearing_registers;
 use crate::algebra::vector::{self, Point};
 use crate::deformation::piecewise_affine::Pull;
+use crate::matching::refinement::settings::PARTS;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::shape::Shape;
 
-/// Weight of the first images beside the tangent planes, along which nothing else would hold what slides: half as much
-/// gives the same, five times as much holds back what should slide.
-const ANCHOR: f64 = 1e-3;
-/// How deep within the other body a vertex draws a quarter; half and twice as much change errors by up to 6 %.
-const SWALLOWED: f64 = 5e-3;
 /// Image of a vertex.
 #[derive(Debug)]
 pub struct Foot {
@@ -59,8 +55,8 @@ impl Foot {
         let depth = placed.map_or(0.0, |placed| {
             vector::dot(self.normal, vector::sub(self.place, placed)).max(0.0)
         });
-        let weight = weight * self.bulging / (1.0 + (depth / SWALLOWED).powi(2)).powi(2);
-        let held = weight * ANCHOR;
+        let weight = weight * self.bulging / (1.0 + (depth / PARTS.swallowed).powi(2)).powi(2);
+        let held = weight * PARTS.anchor;
         let mut matrix = self.normal.map(|x| vector::scaled(self.normal, weight * x));
         for (c, row) in matrix.iter_mut().enumerate() {
             row[c] += held;
@@ -137,9 +133,9 @@ mod tests {
             bulging: 1.0,
         };
         let along = |z: f64| foot.pull(1.0, Some([0.3, 0.0, z]), [0.0; 3]).0[2][2];
-        assert!((along(1.2) - (1.0 + ANCHOR)).abs() < 1e-12);
+        assert!((along(1.2) - (1.0 + PARTS.anchor)).abs() < 1e-12);
         // 1/(1 + 1)².
-        assert!((along(1.0 - SWALLOWED) - 0.25 * (1.0 + ANCHOR)).abs() < 1e-12);
-        assert!((foot.pull(1.0, None, [0.0; 3]).0[2][2] - (1.0 + ANCHOR)).abs() < 1e-12);
+        assert!((along(1.0 - PARTS.swallowed) - 0.25 * (1.0 + PARTS.anchor)).abs() < 1e-12);
+        assert!((foot.pull(1.0, None, [0.0; 3]).0[2][2] - (1.0 + PARTS.anchor)).abs() < 1e-12);
     }
 }

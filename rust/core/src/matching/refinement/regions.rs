@@ -6,13 +6,9 @@
 
 use crate::algebra::vector;
 use crate::matching::problem::point_map::PointMap;
+use crate::matching::refinement::settings::REGIONS;
 use crate::shape::Shape;
 use crate::shape::descriptors::DETAIL_CURVATURES;
-
-/// Images of a vertex that are farther apart than this are different, √area: maps are right to 0.015.
-const APART: f64 = 0.013;
-/// Regions of less area say nothing: some ten vertices of a mesh of 5,000.
-const LEAST_REGION: f64 = 0.002;
 
 /// How much a map changes the lengths of edges at some of its vertices and how little curvatures at four
 /// scales of smoothing agree there with those at the images, the smaller the better: both to the fourth
@@ -31,7 +27,7 @@ pub fn better_elsewhere(map: PointMap<'_>, lengths: f64, other: &[u32]) -> Vec<b
         .images
         .iter()
         .zip(other)
-        .map(|(&a, &b)| vector::distance(at(a), at(b)) > APART)
+        .map(|(&a, &b)| vector::distance(at(a), at(b)) > REGIONS.apart)
         .collect();
     let mut better = vec![false; map.images.len()];
     for seed in 0..waiting.len() {
@@ -41,7 +37,7 @@ pub fn better_elsewhere(map: PointMap<'_>, lengths: f64, other: &[u32]) -> Vec<b
         let region = connected(map.from, seed as u32, &mut waiting);
         let area: f64 = region.iter().map(|&v| map.from.mass[v as usize]).sum();
         let fit = |map| misfit(map, lengths, &region);
-        if area >= LEAST_REGION && fit(map.with(other)) < fit(map) {
+        if area >= REGIONS.least_region && fit(map.with(other)) < fit(map) {
             for v in region {
                 better[v as usize] = true;
             }

@@ -5,14 +5,7 @@
 
 use crate::matching::problem::pair::{Coverage, Pair};
 use crate::matching::problem::point_map::{PointMap, PointMaps};
-
-/// Samples between which distances are compared.
-const SAMPLES: usize = 200;
-/// Distances that are compared, √area: shorter ones are imprecise, longer ones lead around what was cut away.
-const COMPARED: std::ops::Range<f64> = 0.1..0.4;
-/// Shapes of more than this fraction of each other's lengths are taken for equal: characters of other
-/// build come to 0.98.
-const EQUAL_FROM: f64 = 0.95;
+use crate::matching::refinement::settings::RELATIVE_LENGTH;
 
 /// Units of length of the source that one of the target is by a map between them: the median over
 /// distances at samples; 1 unless it shows that the smaller shape is an open surface.
@@ -34,7 +27,9 @@ pub fn relative_length(pair: &Pair<'_>, maps: PointMaps<'_>) -> f64 {
             (by_target * by_source).sqrt()
         }
     };
-    if (length < EQUAL_FROM && target_is_open) || (length > 1.0 / EQUAL_FROM && source_is_open) {
+    if (length < RELATIVE_LENGTH.equal_from && target_is_open)
+        || (length > 1.0 / RELATIVE_LENGTH.equal_from && source_is_open)
+    {
         length
     } else {
         1.0
@@ -43,7 +38,7 @@ pub fn relative_length(pair: &Pair<'_>, maps: PointMaps<'_>) -> f64 {
 
 /// [`growth_at_samples`] by the images of all vertices.
 fn median_growth(map: PointMap<'_>) -> f64 {
-    let samples = map.from.farthest_points(SAMPLES).iter();
+    let samples = map.from.farthest_points(RELATIVE_LENGTH.samples).iter();
     let images: Vec<u32> = samples.map(|&v| map.image(v)).collect();
     growth_at_samples(map.with(&images))
 }
@@ -52,13 +47,15 @@ fn median_growth(map: PointMap<'_>) -> f64 {
 /// images are those of the first farthest-point samples.
 #[must_use]
 pub fn growth_at_samples(map: PointMap<'_>) -> f64 {
-    let samples = map.from.farthest_points(SAMPLES.min(map.images.len()));
+    let samples = map
+        .from
+        .farthest_points(RELATIVE_LENGTH.samples.min(map.images.len()));
     let images = &map.images[..samples.len()];
     let here = map.from.spectral_distances(samples, samples);
     let there = map.to.spectral_distances(images, images);
     let mut growths: Vec<f64> = (0..samples.len())
         .flat_map(|j| (0..j).map(move |i| (i, j)))
-        .filter(|&at| COMPARED.contains(&here[at]))
+        .filter(|&at| RELATIVE_LENGTH.compared.contains(&here[at]))
         .map(|at| there[at] / here[at])
         .filter(|growth| *growth > 0.0)
         .collect();
@@ -128,7 +125,7 @@ mod tests {
             to: &whole,
             images: &crowded,
         };
-        assert!(median_growth(map) < EQUAL_FROM);
+        assert!(median_growth(map) < RELATIVE_LENGTH.equal_from);
         let length = found(&whole, &whole, Coverage::TARGET_IS_PART, |v| v / 3);
         assert!((length - 1.0).abs() < f64::EPSILON);
     }

@@ -14,6 +14,7 @@ use crate::error::Result;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Pair, Part};
 use crate::matching::refinement::propagation::Images;
+use crate::matching::refinement::settings::SIDE;
 use crate::mesh::{self, Adjacency};
 use crate::shape::Shape;
 use crate::watch::progress::Check;
@@ -45,10 +46,6 @@ pub(super) enum Surface<'a> {
     /// A surface with its vertices here, `(n, 3)`.
     Deformed(MatRef<'a, f64>),
 }
-
-/// Vertices of a whole shape that fits are made of: with those of the other some 17 equations for each of 150
-/// eigenfunctions. With more, or with all, no error is smaller; with 1,024 those of animals are 1 % larger.
-const FITTING: usize = 1_280;
 
 /// Vertices whose rows are written at once, by one thread.
 const EMBEDDED_AT_ONCE: usize = 512;
@@ -142,13 +139,13 @@ impl Fitting {
         Self::new(shape, &[], Vec::new(), Vec::new(), Vec::new())
     }
 
-    /// [Some](FITTING) of a shape's vertices, all of which ask, and these.
+    /// Some (`SIDE.fitting`) of a shape's vertices, all of which ask, and these.
     fn drawn(shape: &Shape, weights: &[f64], with: &[(u32, u32)]) -> Self {
         let all: Vec<u32> = (0..weights.len() as u32).collect();
-        if all.len() <= FITTING {
+        if all.len() <= SIDE.fitting {
             return Self::all(shape, &all, weights);
         }
-        let mut drawn = shape.drawn_vertices(FITTING);
+        let mut drawn = shape.drawn_vertices(SIDE.fitting);
         drawn.extend(with.iter().map(|&(own, _)| own));
         drawn.sort_unstable();
         drawn.dedup();
@@ -234,11 +231,11 @@ impl<'a> Side<'a> {
         }
     }
 
-    /// The same side where only [some](FITTING) vertices ask for all. They are neighbours where those nearest to them
+    /// The same side where only some (`SIDE.fitting`) vertices ask for all. They are neighbours where those nearest to them
     /// are.
     pub(super) fn thinned(&self) -> Self {
         let (n, shape) = (self.asking.len(), self.shape);
-        if n < shape.mesh.vertices.len() || n <= FITTING {
+        if n < shape.mesh.vertices.len() || n <= SIDE.fitting {
             return self.clone();
         }
         let mut fitting = if self.fitting.cells.is_empty() {
@@ -513,7 +510,7 @@ mod tests {
 
         // The 500 farthest points and more; some are drawn twice.
         let thinned = all.thinned();
-        assert!(FITTING < count && (500..=FITTING).contains(&thinned.asking.len()));
+        assert!(SIDE.fitting < count && (500..=SIDE.fitting).contains(&thinned.asking.len()));
         // Fits are made of the same vertices with the same weights, whether the others ask or not.
         assert_eq!(all.own(20), thinned.own(20));
         // Every vertex is counted once, in another order than that of the sum.

@@ -10,22 +10,19 @@ use crate::algebra::dense;
 use crate::error::Result;
 use crate::matching::problem::pair::Pair;
 use crate::matching::problem::point_map::PointMaps;
+use crate::matching::refinement::settings::UPSAMPLING;
 use crate::matching::search::{Candidate, SampledBases, fit, gram};
 use crate::shape::Shape;
 
-/// Eigenfunctions of an upsampled map.
-pub const UPSAMPLED_SIZE: usize = 60;
-/// Eigenfunctions added a step; with four errors are the same.
-const STEP: usize = 6;
-
-/// `(kₛ, kₜ)` map of up to [`UPSAMPLED_SIZE`] eigenfunctions grown from a candidate, by nearest
+/// `(kₛ, kₜ)` map of up to `UPSAMPLING.upsampled_size` eigenfunctions grown from a candidate, by nearest
 /// neighbours between the two shapes' samples.
 ///
 /// # Errors
 /// [`crate::Error::NotFactorised`] when the point maps collapse.
 pub fn upsampled(pair: &Pair<'_>, candidate: &Candidate) -> Result<Mat<f64>> {
     let (target, source) = (pair.target, pair.source);
-    let largest = UPSAMPLED_SIZE
+    let largest = UPSAMPLING
+        .upsampled_size
         .min(target.basis.values.len())
         .min(source.basis.values.len());
     let at_samples =
@@ -62,7 +59,7 @@ pub fn upsampled(pair: &Pair<'_>, candidate: &Candidate) -> Result<Mat<f64>> {
                 source_to_target: &on_asked,
             },
             pair.coverage,
-            (k + STEP).min(largest),
+            (k + UPSAMPLING.step).min(largest),
         )?;
         if k == largest {
             return Ok(matrix);

@@ -5,24 +5,9 @@ use rayon::prelude::*;
 use crate::algebra::dense::{self, LANES, Rows, vectorised};
 use crate::error::Result;
 use crate::matching::problem::point_map::PointMap;
+use crate::matching::result::settings::CONFIDENCE;
 use crate::shape::Shape;
 use crate::watch::progress::Progress;
-
-/// Samples whose distances are compared: with 200 wrong places are told as well.
-const WITNESSES: usize = 80;
-/// Distance at unit area from which on a sample says nothing; its weight (1 − d²/h²)⁴ has fallen to 1/e at
-/// half of that. With 0.6 wrong places between animals and humans are told better, those of poses worse.
-const HORIZON: f32 = 0.4;
-/// Distances are compared up to this one, since the weight has fallen to 1/100 there.
-const COMPARED: f32 = 0.33;
-/// Keeps the weights' sum above zero.
-const WEIGHT_FLOOR: f32 = 1e-6;
-/// Doubt at which confidence falls to 1/e: half of it is left at 0.067, which separates best
-/// the vertices of a whole that a part lacks from the others.
-const TOLERATED: f64 = 0.08;
-
-/// Weight of the gap between a vertex of the drawn target and its image.
-const GAP_WEIGHT: f64 = 2.0;
 
 /// Confidence in [0, 1] of a target vertex: exp(−(δ² + 4γ² + ρ²)/0.08² − β²).
 ///
@@ -32,8 +17,8 @@ const GAP_WEIGHT: f64 = 2.0;
 /// source ([`crate::mesh::boundary::beyond`]). It cannot see a wholly wrong map.
 #[must_use]
 pub fn confidence(distortion: f64, gap: f64, returns: f64, beyond: f64) -> f64 {
-    let doubt = distortion.hypot(GAP_WEIGHT * gap).hypot(returns);
-    (-(doubt / TOLERATED).powi(2) - beyond.powi(2)).exp()
+    let doubt = distortion.hypot(CONFIDENCE.gap_weight * gap).hypot(returns);
+    (-(doubt / CONFIDENCE.tolerated).powi(2) - beyond.powi(2)).exp()
 }
 
 /// Mean change δ of the distances to 80 samples, near ones weighing most, for each vertex of the shape that is mapped.
@@ -44,7 +29,7 @@ pub fn confidence(distortion: f64, gap: f64, returns: f64, beyond: f64) -> f64 {
 /// # Errors
 /// [`crate::Error::Cancelled`].
 pub fn local_distortion(map: PointMap<'_>, lengths: f64, progress: &Progress) -> Result<Vec<f64>> {
-    let witnesses = map.from.farthest_points(WITNESSES);
+    let witnesses = map.from.farthest_points(CONFIDENCE.witnesses);
     let their_images: Vec<u32> = witnesses.iter().map(|&v| map.image(v)).collect();
     let (here, there) = rayon::join(
         || distances_to(map.from, witnesses),
@@ -81,9 +66,10 @@ fn mean_change(here: &[f32], there: &[f32], lengths: f32) -> f64 {
     for (here, there) in here.chunks(LANES).zip(there.chunks(LANES)) {
         for (l, (here, there)) in here.iter().zip(there).enumerate() {
             // Distances of about nothing come out negative too.
-            let here = (lengths * here).clamp(0.0, HORIZON);
-            let change = (here.min(COMPARED) - there.clamp(0.0, COMPARED)).abs();
-            let farness = here * here / (HORIZON * HORIZON);
+            let here = (lengths * here).clamp(0.0, CONFIDENCE.horizon);
+            let change =
+                (here.min(CONFIDENCE.compared) - there.clamp(0.0, CONFIDENCE.compared)).abs();
+            let farness = here * here / (CONFIDENCE.horizon * CONFIDENCE.horizon);
             let nearness = (1.0 - farness) * (1.0 - farness);
             let weight = nearness * nearness;
             sums[l] += weight * change;
@@ -91,7 +77,7 @@ fn mean_change(here: &[f32], there: &[f32], lengths: f32) -> f64 {
         }
     }
     let [sum, total] = [sums, totals].map(dense::sum_of_lanes);
-    f64::from(sum / (total + WEIGHT_FLOOR))
+    f64::from(sum / (total + CONFIDENCE.weight_floor))
 }
 
 #[cfg(test)]
@@ -114,7 +100,11 @@ mod tests {
         assert!(of(&images).iter().all(|&distortion| distortion == 0.0));
 
         let sent = (0..images.len())
-            .find(|&v| !shape.farthest_points(WITNESSES).contains(&(v as u32)))
+            .find(|&v| {
+                !shape
+                    .farthest_points(CONFIDENCE.witnesses)
+                    .contains(&(v as u32))
+            })
             .expect("there are more vertices than witnesses");
         // Three rings on, and only this vertex.
         let to = (sent + 3 * AROUND) as u32 % images.len() as u32;

@@ -11,11 +11,13 @@ use crate::algebra::vector;
 use crate::baselines::Convergence;
 use crate::error::{Result, System};
 use crate::matching::detail;
+use crate::matching::detail::settings::DETAIL;
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::pair::Coverage;
 use crate::matching::problem::point_map::PointMaps;
 use crate::matching::ranking::{Hypothesis, Metrics};
 use crate::matching::result::confidence::confidence;
+use crate::matching::result::settings::CORRESPONDENCE;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::{Mesh, boundary};
 use crate::shape::Shape;
@@ -23,11 +25,6 @@ use crate::shape::full_resolution::{FullResolution, FullSpectrum};
 use crate::shape::pointwise_map::{self, EmbeddedTriangles};
 use crate::spectrum::eigenbasis::Eigenbasis;
 use crate::watch::progress::{Check, Progress};
-
-/// Columns of the functional map that is handed out.
-const FUNCTIONAL_MAP_SIZE: usize = 60;
-/// Ridge of that map's fit.
-const FUNCTIONAL_MAP_RIDGE: f64 = 1e-3;
 
 /// A dense map in given numbering: for every target vertex a point of the source.
 #[derive(Debug, Clone)]
@@ -111,7 +108,7 @@ impl Correspondence {
         let (source_basis, source_unit) = source_full
             .as_deref()
             .map_or((&source.basis, source.unit), |s| (&s.basis, s.unit));
-        let size = |b: &Eigenbasis| FUNCTIONAL_MAP_SIZE.min(b.values.len());
+        let size = |b: &Eigenbasis| CORRESPONDENCE.functional_map_size.min(b.values.len());
         let faces = &source.given_mesh().faces;
         let own = Mat::from_fn(self.points.len(), size(target_basis), |i, j| {
             mass[i].sqrt() * target_basis.functions[(i, j)]
@@ -207,7 +204,7 @@ fn in_detail_of_given(
         return Ok((copied, true));
     }
     let is_coarse = |shape: &Shape| shape.full.as_ref().is_some_and(FullResolution::is_finer);
-    let is_large = |mesh: &Mesh| mesh.vertices.len() > detail::MOST_VERTICES;
+    let is_large = |mesh: &Mesh| mesh.vertices.len() > DETAIL.most_vertices;
     if is_coarse(source) || is_coarse(target) || meshes.into_iter().any(is_large) {
         return Ok((points, false));
     }
@@ -253,7 +250,7 @@ fn functional_map(
     maps: PointMaps<'_>,
     check: Check<'_>,
 ) -> Result<Mat<f64>> {
-    let k = |s: &Shape| FUNCTIONAL_MAP_SIZE.min(s.basis.values.len());
+    let k = |s: &Shape| CORRESPONDENCE.functional_map_size.min(s.basis.values.len());
     let all = |s: &Shape| (0..s.mass.len() as u32).collect::<Vec<u32>>();
     // √a times each shape's eigenfunctions at some vertices.
     let at = |shape: &Shape, vertices: &[u32], mass: &[f64]| {
@@ -281,7 +278,13 @@ fn solved_functional_map(
     right: MatRef<'_, f64>,
 ) -> Result<Mat<f64>> {
     // The constant is carried exactly, so it takes no part in the ridge.
-    let ridge = |i: usize| if i == 0 { 0.0 } else { FUNCTIONAL_MAP_RIDGE };
+    let ridge = |i: usize| {
+        if i == 0 {
+            0.0
+        } else {
+            CORRESPONDENCE.functional_map_ridge
+        }
+    };
     let alpha = dense::solve_with_ridge(System::Map, gram, ridge, right)?;
     Ok(faer::Scale(unit_ratio) * alpha)
 }

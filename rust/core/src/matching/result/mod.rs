@@ -2,3 +2,4 @@
 
 pub mod confidence;
 pub mod correspondence;
+pub mod settings;

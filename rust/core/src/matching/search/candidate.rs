@@ -9,18 +9,11 @@ use crate::error::{Result, System};
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair, Part};
 use crate::matching::problem::point_map::PointMaps;
+use crate::matching::search::settings::CANDIDATE;
 use crate::shape::gradients::orientation;
 
 /// Eigenfunctions of the finished candidates.
 pub const CANDIDATE_SIZE: usize = 24;
-/// Tikhonov weight of a fit, per sample.
-const FIT_RIDGE: f64 = 1e-3;
-/// Eigenfunctions whose bivectors tell direct from mirrored maps.
-const ORIENTATION_FUNCTIONS: usize = 8;
-/// Below this size the orientation of a right map is as good as random.
-pub(super) const ORIENTED_FROM: usize = 15;
-/// A map's energy is weighted by this less its orientation.
-const ORIENTATION_OFFSET: f64 = 1.2;
 
 /// A map between the low ends of two spectra, with its images on the samples.
 #[derive(Debug, Clone)]
@@ -131,7 +124,7 @@ impl<'a> SampledPair<'a> {
             target_to_source: &on_source,
             source_to_target: &on_target,
         });
-        let is_oriented = ks >= ORIENTED_FROM.min(self.largest());
+        let is_oriented = ks >= CANDIDATE.oriented_from.min(self.largest());
         let orientation = if self.pair.uses(Part::Orientation) && is_oriented {
             let pairs = on_source.iter().enumerate();
             let measured = orientation(
@@ -139,7 +132,7 @@ impl<'a> SampledPair<'a> {
                 &self.side_target.gradients,
                 matrix.as_ref(),
                 pairs.map(|(i, &j)| (i, j as usize)),
-                ORIENTATION_FUNCTIONS,
+                CANDIDATE.orientation_functions,
             );
             self.wanted_sign() * measured
         } else {
@@ -149,8 +142,8 @@ impl<'a> SampledPair<'a> {
             matrix,
             orientation,
             rank: energy
-                * (ORIENTATION_OFFSET
-                    - if !on_source.is_empty() && ks >= ORIENTED_FROM {
+                * (CANDIDATE.orientation_offset
+                    - if !on_source.is_empty() && ks >= CANDIDATE.oriented_from {
                         orientation
                     } else {
                         0.0
@@ -286,7 +279,7 @@ pub fn fit(
     dense::solve_with_ridge(
         System::Map,
         gram,
-        |_| FIT_RIDGE * first as f64,
+        |_| CANDIDATE.fit_ridge * first as f64,
         right.as_ref(),
     )
 }

@@ -7,15 +7,16 @@
 mod candidate;
 mod sampled;
 mod seeds;
+pub mod settings;
 
 use faer::Mat;
 use rayon::prelude::*;
 
-use self::candidate::{ORIENTED_FROM, SampledPair};
-use self::seeds::SEED_SIZE;
+use self::candidate::SampledPair;
 use crate::error::{Error, Result};
 use crate::matching::problem::pair::{Mirror, Pair, Part};
 use crate::matching::problem::point_map::PointMaps;
+use crate::matching::search::settings::{CANDIDATE, SEARCH, SEEDS};
 use crate::shape::gradients::{better_signs, coverage};
 use crate::watch::progress::Progress;
 
@@ -23,24 +24,11 @@ pub use candidate::{CANDIDATE_SIZE, Candidate, SampledBases, fit, gram};
 pub use sampled::Width;
 pub use seeds::best_signs;
 
-/// Maps closer than this, as a mean geodesic distance at unit area, lie in one basin.
-const BASIN: f64 = 0.08;
-/// Ratio of neighbouring eigenvalues below which their functions may come mixed.
-const NEARLY_DOUBLE: f64 = 1.15;
-/// Number of eigenfunctions from which on maps are also tried with their front and back turned,
-/// and how often.
-const TURNED_FROM: usize = 12;
-const TURNED_EVERY: usize = 4;
 /// How far behind the best a candidate may be, by rank, once orientation counts: right ones stay below 1.15 at the end.
 pub const RANKED_WITHIN: Reach = Reach {
     times: 1.6,
     floor: 0.01,
 };
-/// Maps closer than this are the same.
-const SAME: f64 = 0.03;
-/// Mean distance between points and their images from which a map of a shape to itself is none but for details: a person turned
-/// front to back lies 0.43 to 0.53 off.
-const AWAY: f64 = 0.4;
 
 /// A multiple of the best figure. Equal maps of one shape differ by their samples only, the best
 /// of them by nothing: all metrics up to the floor are as good as it.
@@ -92,21 +80,28 @@ impl SampledPair<'_> {
     fn search(&self, progress: &Progress) -> Result<Vec<Candidate>> {
         let width = self.width;
         let largest = self.largest();
-        let first = SEED_SIZE.min(largest);
+        let first = SEEDS.seed_size.min(largest);
         let mut seeds = self.sign_seeds(first);
         seeds.extend(self.scaling_seeds(first));
         let seeds = each(&seeds, |seed| self.refitted(seed, first))?;
-        let mut beam = self.pruned(seeds, width.first, BASIN);
+        let mut beam = self.pruned(seeds, width.first, SEARCH.basin);
         for k in first + 1..=largest {
             progress.check()?;
-            if k % TURNED_EVERY == 0 && k >= TURNED_FROM && self.pair.uses(Part::Orientation) {
+            if k % SEARCH.turned_every == 0
+                && k >= SEARCH.turned_from
+                && self.pair.uses(Part::Orientation)
+            {
                 let turned = each(&beam, |parent| self.reoriented(parent))?;
                 beam.extend(turned.into_iter().flatten());
             }
             let exchanges = k > first + 1 && self.nearly_double(k);
             let children = each(&beam, |parent| self.children(parent, k, exchanges))?;
-            beam = self.pruned(children.into_iter().flatten().collect(), width.beam, BASIN);
-            if let Some(best) = beam.first().filter(|_| k >= ORIENTED_FROM) {
+            beam = self.pruned(
+                children.into_iter().flatten().collect(),
+                width.beam,
+                SEARCH.basin,
+            );
+            if let Some(best) = beam.first().filter(|_| k >= CANDIDATE.oriented_from) {
                 // A mirrored map that distorts less says that one shape is a mirror image.
                 let (rank, energy) = (RANKED_WITHIN.from(best.rank), best.energy);
                 beam.retain(|candidate| candidate.rank <= rank || candidate.energy < energy);
@@ -115,7 +110,7 @@ impl SampledPair<'_> {
         for _ in 0..2 {
             beam = each(&beam, |parent| self.refitted(parent, largest))?;
         }
-        Ok(self.pruned(beam, width.beam, SAME))
+        Ok(self.pruned(beam, width.beam, SEARCH.same))
     }
 
     /// A candidate fitted at k with the last column turned, with the last two exchanged either way, and as it is: side by
@@ -159,7 +154,7 @@ impl SampledPair<'_> {
     fn nearly_double(&self, k: usize) -> bool {
         [self.pair.target, self.pair.source]
             .iter()
-            .any(|s| s.basis.values[k - 1] < NEARLY_DOUBLE * s.basis.values[k - 2])
+            .any(|s| s.basis.values[k - 1] < SEARCH.nearly_double * s.basis.values[k - 2])
     }
 
     /// The same map with the columns turned that speak against its orientation: thin parts are
@@ -196,14 +191,14 @@ impl SampledPair<'_> {
         all.retain(|c| {
             let is_sought = match self.pair.mirror {
                 Mirror::Only => c.orientation >= 0.0,
-                Mirror::Away => c.orientation >= 0.0 && self.moves(c) > AWAY,
+                Mirror::Away => c.orientation >= 0.0 && self.moves(c) > SEARCH.away,
                 Mirror::Forbid | Mirror::Allow => true,
             };
             c.rank.is_finite() && is_sought
         });
         all.sort_by(|a, b| a.rank.total_cmp(&b.rank));
         let mut chosen: Vec<usize> = Vec::new();
-        for (distance, most) in [(basin, size / 2), (SAME, size)] {
+        for (distance, most) in [(basin, size / 2), (SEARCH.same, size)] {
             for i in 0..all.len() {
                 if chosen.len() >= most {
                     break;

@@ -8,12 +8,9 @@ use faer::Mat;
 use crate::algebra::dense::{self, LANES, squared_distance, vectorised};
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Pair, Part};
-use crate::shape::gradients::{FUNCTIONS, TangentGradients};
-
-/// Weight of the descriptors beside the eigenfunctions.
-const DESCRIPTOR_WEIGHT: f32 = 0.7;
-/// Weight of the distance from the own mirror image beside the eigenfunctions: 6 to 12 do the same.
-const OFFSET_WEIGHT: f32 = 8.0;
+use crate::matching::search::settings::SAMPLED;
+use crate::shape::gradients::TangentGradients;
+use crate::shape::settings::GRADIENTS;
 
 /// How wide to search.
 #[derive(Debug, Clone, Copy)]
@@ -139,14 +136,16 @@ impl Sampled {
                 let hinted = hinted
                     + offsets.map_or(0.0, |(own, other)| {
                         let change = own[samples[i] as usize] - other[questions[j] as usize];
-                        (OFFSET_WEIGHT * change).powi(2)
+                        (SAMPLED.offset_weight * change).powi(2)
                     });
                 let (wave, bend) = if pair.uses(Part::Descriptors) {
                     (to_waves[i], bend)
                 } else {
                     (1.0, 0.0)
                 };
-                *fixed = DESCRIPTOR_WEIGHT * DESCRIPTOR_WEIGHT * (wave + bend * bend) + hinted;
+                *fixed =
+                    SAMPLED.descriptor_weight * SAMPLED.descriptor_weight * (wave + bend * bend)
+                        + hinted;
                 *mismatch = wave.sqrt() + bend.abs() + hinted.sqrt();
             }
         }
@@ -159,7 +158,7 @@ impl Sampled {
             gradients: if is_judged {
                 Arc::clone(own.judged_gradients())
             } else {
-                Arc::new(TangentGradients::new(own, samples, FUNCTIONS))
+                Arc::new(TangentGradients::new(own, samples, GRADIENTS.functions))
             },
             asking: own.farthest_points(width.asking).len(),
         }

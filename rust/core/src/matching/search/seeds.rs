@@ -7,16 +7,8 @@ use super::candidate::{Candidate, SampledPair};
 use super::sampled::Sampled;
 use crate::algebra::closest::closest;
 use crate::algebra::dense;
+use crate::matching::search::settings::SEEDS;
 use crate::shape::Shape;
-
-/// Eigenfunctions of the seeds.
-pub(super) const SEED_SIZE: usize = 7;
-/// Sign and order patterns kept of all that are tried.
-const SIGN_SEEDS: usize = 48;
-/// Coordinates of the spectral multidimensional scaling.
-const SCALING_DIMS: usize = 5;
-/// Eigenfunctions from which those coordinates are taken.
-const SCALING_FUNCTIONS: usize = 30;
 
 impl SampledPair<'_> {
     /// The best sign patterns as candidates.
@@ -27,7 +19,7 @@ impl SampledPair<'_> {
             size,
             true,
         );
-        seeds.truncate(SIGN_SEEDS);
+        seeds.truncate(SEEDS.sign_seeds);
         seeds.into_par_iter().map(|m| self.judged(m)).collect()
     }
 
@@ -35,11 +27,11 @@ impl SampledPair<'_> {
     /// spectral domain: dropping the constant from α centres it twice.
     pub(super) fn scaling_seeds(&self, size: usize) -> Vec<Candidate> {
         let coordinates = |shape: &Shape, side: &Sampled| {
-            let k = SCALING_FUNCTIONS.min(shape.distance_operator.nrows());
+            let k = SEEDS.scaling_functions.min(shape.distance_operator.nrows());
             let block = shape.distance_operator.get(1..k, 1..k);
             let decomposition =
                 dense::clearing_registers(|| block.self_adjoint_eigen(Side::Lower)).ok()?;
-            let dims = SCALING_DIMS.min(k - 1);
+            let dims = SEEDS.scaling_dims.min(k - 1);
             let scaled = Mat::from_fn(k - 1, dims, |i, j| {
                 // Eigenvalues ascend, so the most negative ones come first.
                 decomposition.U()[(i, j)] * (-decomposition.S()[j]).max(0.0).sqrt()
@@ -128,6 +120,6 @@ fn sign_patterns(
 /// The sign pattern of the first eigenfunctions that fits two distance operators best.
 #[must_use]
 pub fn best_signs(source: MatRef<'_, f64>, target: MatRef<'_, f64>) -> Mat<f64> {
-    let size = SEED_SIZE.min(target.nrows());
+    let size = SEEDS.seed_size.min(target.nrows());
     sign_patterns(source, target, size, false).swap_remove(0)
 }

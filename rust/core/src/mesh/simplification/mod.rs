@@ -12,17 +12,8 @@ use self::queue::Queue;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::Mesh;
+use crate::mesh::settings::SIMPLIFICATION;
 
-/// Worst triangle a collapse may leave: quality (1 for equilateral) times the cosine by which its
-/// normal turns.
-const LEAST_QUALITY: f64 = 0.1;
-/// A vertex whose faces' normals add up to a share of their areas counts as much as its area over this power of the share.
-/// Errors between `MakeHuman` bodies are 6 % smaller than without, 3 % with the second or fourth power.
-const BENDING: i32 = 3;
-/// A smaller share counts as this one.
-const LEAST_SHARE: f64 = 0.1;
-/// A vertex that cannot be removed waits until the others' stars have grown by this.
-const PATIENCE: f32 = 1.5;
 /// Vertices with more faces stay: their star would cost too much to look at.
 const LARGEST_STAR: usize = 40;
 /// Collapses between two looks at whether to stop.
@@ -43,7 +34,7 @@ pub struct Simplified {
 
 /// Collapses edges until `wanted` vertices are left, or none can go.
 ///
-/// Vertices go in the order of the area around them, which counts more where it [bends](BENDING), the smallest first,
+/// Vertices go in the order of the area around them, which counts more where it bends (`SIMPLIFICATION.bending`), the smallest first,
 /// each into that neighbour which leaves the best shaped triangles; so the rest is spread evenly. The topology stays: an
 /// edge is collapsed only when its ends have no common neighbours but those across it, boundaries
 /// shrink along themselves, and vertices at non-manifold edges stay. Memory: about 90 bytes a vertex
@@ -144,7 +135,7 @@ impl<'a> Collapser<'a> {
             } else if self.remove(v) {
                 left -= 1;
             } else {
-                let later = key * PATIENCE;
+                let later = key * SIMPLIFICATION.patience;
                 if later > 0.0 && later < total {
                     self.star[v as usize] = self.star[v as usize].max(later);
                     queue.push(later, v);
@@ -154,7 +145,7 @@ impl<'a> Collapser<'a> {
         Ok(())
     }
 
-    /// Twice the area around a vertex, and [more](BENDING) where it bends.
+    /// Twice the area around a vertex, and more (`SIMPLIFICATION.bending`) where it bends.
     fn weight(&self, v: u32) -> f32 {
         let (mut sum, mut area) = ([0.0; 3], 0.0);
         for &face in self.around.of(v) {
@@ -162,8 +153,8 @@ impl<'a> Collapser<'a> {
             sum = vector::add(sum, normal);
             area += vector::norm(normal);
         }
-        let share = (vector::norm(sum) / area).max(LEAST_SHARE);
-        (area / share.powi(BENDING)) as f32
+        let share = (vector::norm(sum) / area).max(SIMPLIFICATION.least_share);
+        (area / share.powi(SIMPLIFICATION.bending)) as f32
     }
 
     /// Merges a vertex into a neighbour; false when that would harm the surface.
@@ -242,7 +233,7 @@ impl<'a> Collapser<'a> {
                 continue;
             }
             let score = self.score(at, fan);
-            if score >= LEAST_QUALITY {
+            if score >= SIMPLIFICATION.least_quality {
                 fan.choices.push((score, at));
             }
         }
@@ -282,7 +273,7 @@ impl<'a> Collapser<'a> {
             };
             let score = quality * turned;
             // NaN is that of a vanished triangle.
-            if score.is_nan() || score < LEAST_QUALITY {
+            if score.is_nan() || score < SIMPLIFICATION.least_quality {
                 return 0.0;
             }
             worst = worst.min(score);

@@ -14,29 +14,11 @@ use super::shifted_factor::{Pattern, ShiftedFactor};
 use super::slice::{Slice, gaps};
 use crate::algebra::dense::multiply;
 use crate::error::{Error, Result};
-
-/// Times that the first block is multiplied by `M` before the space begins. Each brings convergence as much nearer as one
-/// more block of the space would, of which nothing is made orthogonal; from six on, less and less.
-const MULTIPLIED_FIRST: usize = 4;
+use crate::spectrum::settings::LANCZOS;
 
 /// Blocks made orthogonal to all before them together, so that the basis, which is far larger than the nearest cache,
 /// is read less often. With three, what rounding leaves along converged Ritz vectors grows too large while they wait.
 const BLOCKS_TOGETHER: usize = 2;
-
-/// Where it grows by more than this from block to block, none waits. On 26 meshes it grows by 3e2 to 4e4 (in blocks of
-/// eight); with the shift moved towards an eigenvalue, pairs of blocks leave `ΦᵀAΦ = I` to 3e-14 at 5e4, to 1e-11 at
-/// 5e5, and fail at 5e7.
-const MOST_GROWTH: f64 = 1e5;
-
-/// Gaps between the eigenvalues wanted and the rest at which a factor is tried.
-const GAPS_TRIED: usize = 4;
-
-/// The iteration gives up at this multiple of the size expected.
-const PATIENCE: usize = 3;
-
-/// Below this fraction of a block's length before orthogonalisation, what is left of it needs a
-/// second pass against the basis.
-const CANCELLATION: f64 = 1e-4;
 
 /// Eigenpairs of `M` in the order of `λ`.
 pub(super) struct RitzPairs {
@@ -114,7 +96,7 @@ impl<'a> BlockLanczos<'a> {
         };
         space.next.copy_from(starting_block(n).as_ref());
         space.start();
-        for _ in 0..MULTIPLIED_FIRST {
+        for _ in 0..LANCZOS.multiplied_first {
             space.multiply();
             space.start();
         }
@@ -148,7 +130,7 @@ impl<'a> BlockLanczos<'a> {
         let below = self.factor.pairs_below().min(slice.end);
         let shift = self.factor.shift();
         let size = slice.expected_size(below).next_multiple_of(BLOCK);
-        let most = (PATIENCE * size).min(self.basis.nrows() - 2 * BLOCK);
+        let most = (LANCZOS.patience * size).min(self.basis.nrows() - 2 * BLOCK);
         let mut check_at = size;
         loop {
             if cancelled() {
@@ -201,7 +183,7 @@ impl<'a> BlockLanczos<'a> {
                     values,
                     vectors,
                     none_missed,
-                    solves: BLOCK * MULTIPLIED_FIRST + m,
+                    solves: BLOCK * LANCZOS.multiplied_first + m,
                 });
             }
             if m >= most {
@@ -244,7 +226,7 @@ impl<'a> BlockLanczos<'a> {
         let (n, first) = (self.basis.nrows(), self.basis.ncols());
         self.basis.resize_with(n, first + BLOCK, |_, _| 0.0);
         let waiting = self.basis.ncols() - self.settled;
-        if waiting >= BLOCKS_TOGETHER * BLOCK || self.growth > MOST_GROWTH {
+        if waiting >= BLOCKS_TOGETHER * BLOCK || self.growth > LANCZOS.most_growth {
             self.next.copy_to(self.basis.subcols_mut(first, BLOCK));
             self.settle();
             self.last
@@ -265,7 +247,7 @@ impl<'a> BlockLanczos<'a> {
         let m = self.size;
         let removed = self.projected.subrows(m - BLOCK, BLOCK).norm_l2();
         let is_sound = |triangle: &Mat<f64>| {
-            least_pivot(triangle) >= CANCELLATION * removed.max(triangle.norm_l2())
+            least_pivot(triangle) >= LANCZOS.cancellation * removed.max(triangle.norm_l2())
         };
         let triangle = self.next.orthonormalise();
         let triangle = triangle.map(|rows| Mat::from_fn(BLOCK, BLOCK, |i, j| rows[i][j]));
@@ -351,7 +333,7 @@ impl<'a> BlockLanczos<'a> {
 /// Whether a factor beyond place `end` of a spectrum, in a gap, counts so many pairs up to that place.
 fn counts_as_many(spectrum: &[f64], end: usize, pairs: usize, pattern: &Pattern<'_>) -> bool {
     gaps(spectrum, end)
-        .take(GAPS_TRIED)
+        .take(LANCZOS.gaps_tried)
         .find_map(|place| {
             let between = f64::midpoint(spectrum[place - 1], spectrum[place]);
             Some(pattern.factor(between)?.pairs_below() == pairs + place - end)

@@ -20,31 +20,13 @@ use self::slices::{Spectrum, lowest_factor};
 use crate::algebra::dense::{self, vectorised};
 use crate::error::{Error, Result};
 use crate::spectrum::laplacian::Laplacian;
-
-/// Bound on `‖Wφ − λAφ‖` in the `A⁻¹` norm, as a fraction of the largest eigenvalue asked for.
-pub const RESIDUAL_BOUND: f64 = 1e-8;
-
-/// The iteration stops at this fraction of the bound; the rest is for rounding in the check.
-const SAFETY: f64 = 0.25;
+use crate::spectrum::settings::EIGENBASIS;
 
 /// Rows of the basis multiplied at once, so that they stay in the cache: a multiple of the 48 of faer's kernel.
 const ROWS_A_PIECE: usize = 96;
 
 /// Eigenfunctions measured in one pass over `W`.
 const MEASURED_AT_ONCE: usize = 8;
-
-/// Single vertices relaxed at most for a pair whose residual is rounding at tiny vertices, for each vertex.
-const RELAXATIONS: usize = 100;
-
-/// Times at most that pairs which miss the bound are corrected. Once was enough for every pair seen.
-const CORRECTIONS: usize = 3;
-
-/// A vertex is tiny where its stiffness is more than this many times its mass times the eigenvalue: the pair's equation
-/// there says what its value is, given those around it.
-const STIFF: f64 = 1e3;
-
-/// Meshes with fewer vertices than this many per vector of the first space are solved densely.
-const DENSE_RATIO: usize = 2;
 
 /// Truncated spectrum of a shape, ascending.
 #[derive(Debug, Clone)]
@@ -62,21 +44,15 @@ pub struct Eigenbasis {
     pub ordering: Option<Vec<u32>>,
 }
 
-/// Eigenvalues among which repeated ones are counted.
-const LOOKED_AT: usize = 24;
-/// Neighbouring eigenvalues nearer than this share of their mean distance, λ/i by Weyl's law, are one that is repeated: prisms
-/// have 10 pairs of 12, of 81 bodies, animals and characters none has one.
-const REPEATED: f64 = 0.01;
-
 impl Eigenbasis {
     /// Share of the low eigenvalues that come in equal pairs. A surface that is the same after a turn about an axis by less
     /// than a half has them for all functions that the turn changes; others have none.
     #[must_use]
     pub fn repeated(&self) -> f64 {
-        let values = &self.values[1..self.values.len().min(LOOKED_AT + 2)];
+        let values = &self.values[1..self.values.len().min(EIGENBASIS.looked_at + 2)];
         let is_repeated = |i: usize| {
             let spacing = values[i] / (i + 1) as f64;
-            values[i + 1] - values[i] < REPEATED * spacing
+            values[i + 1] - values[i] < EIGENBASIS.repeated * spacing
         };
         let (mut pairs, mut i) = (0, 0);
         while i + 1 < values.len() {
@@ -96,7 +72,7 @@ impl Eigenbasis {
     ///
     /// # Errors
     /// [`Error::BadArgument`] when `k` is 0 or more than the vertices, [`Error::NotFactorised`],
-    /// [`Error::NotConverged`] when a pair misses [`RESIDUAL_BOUND`], [`Error::Cancelled`] when
+    /// [`Error::NotConverged`] when a pair misses `EIGENBASIS.residual_bound`, [`Error::Cancelled`] when
     /// `cancelled` (asked between blocks) says so.
     ///
     /// # Source
@@ -126,7 +102,7 @@ impl Eigenbasis {
             ordering: None,
         };
         if k > 1 {
-            if n <= DENSE_RATIO * Slice::lowest(k - 1).expected_size(0) {
+            if n <= EIGENBASIS.dense_ratio * Slice::lowest(k - 1).expected_size(0) {
                 basis.fill_dense(laplacian, area, cancelled)?;
             } else {
                 basis.fill_sparse(laplacian, cancelled)?;
@@ -181,7 +157,7 @@ impl Eigenbasis {
         let pattern = pattern?;
         let constant = std::mem::replace(&mut self.functions, functions);
         self.functions.col_mut(0).copy_from(constant.col(0));
-        let bound = SAFETY * RESIDUAL_BOUND;
+        let bound = EIGENBASIS.safety * EIGENBASIS.residual_bound;
         let spectrum = Spectrum::new(&pattern, &laplacian.mass, bound, cancelled);
         let parts = spectrum.lowest(k - 1)?;
         if cancelled() {
@@ -226,7 +202,7 @@ impl Eigenbasis {
         cancelled: &(dyn Fn() -> bool + Sync),
     ) -> Result<()> {
         let k = self.values.len();
-        let bound = RESIDUAL_BOUND * self.values.last().copied().unwrap_or(0.0);
+        let bound = EIGENBASIS.residual_bound * self.values.last().copied().unwrap_or(0.0);
         let passes: Vec<usize> = (0..k).step_by(MEASURED_AT_ONCE).collect();
         let measured: Vec<[f64; MEASURED_AT_ONCE]> = passes
             .into_par_iter()
@@ -257,7 +233,7 @@ impl Eigenbasis {
             let all = residuals.iter().enumerate();
             all.filter(|&(j, &r)| fails(j, r)).map(|(j, _)| j).collect()
         };
-        for _ in 0..CORRECTIONS {
+        for _ in 0..EIGENBASIS.corrections {
             let inaccurate = failed(&residuals);
             if inaccurate.is_empty() {
                 break;
@@ -329,7 +305,7 @@ impl Eigenbasis {
             defect * defect > bound * bound * laplacian.mass[i] / (2 * n) as f64
         };
         let mut waiting: VecDeque<usize> = (0..n).filter(|&i| exceeds(i, defects[i][0])).collect();
-        let mut left = RELAXATIONS * n;
+        let mut left = EIGENBASIS.relaxations * n;
         while let (Some(i), 1..) = (waiting.pop_front(), left) {
             left -= 1;
             let (Some(row), [defect]) = (laplacian.stiffness.outer_view(i), defects[i]) else {
@@ -337,7 +313,7 @@ impl Eigenbasis {
             };
             let inertia = lambda * laplacian.mass[i];
             let stiffness = row.get(i).copied().unwrap_or(0.0);
-            if stiffness <= STIFF * inertia || !exceeds(i, defect) {
+            if stiffness <= EIGENBASIS.stiff * inertia || !exceeds(i, defect) {
                 continue;
             }
             let step = defect / (stiffness - inertia);
@@ -425,7 +401,7 @@ mod tests {
     fn inaccurate_pairs_are_corrected() {
         let laplacian = laplacian();
         let exact = Eigenbasis::new(&laplacian, 12, &|| false).unwrap();
-        let bound = RESIDUAL_BOUND * exact.values[11];
+        let bound = EIGENBASIS.residual_bound * exact.values[11];
         let mut inaccurate = exact.clone();
         for j in [3, 11] {
             for i in 0..laplacian.len() {

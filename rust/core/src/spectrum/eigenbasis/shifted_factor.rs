@@ -4,9 +4,7 @@ use super::noise::noise;
 use crate::algebra::sparse_factor::{self, Factor};
 use crate::error::Result;
 use crate::spectrum::laplacian::Laplacian;
-
-/// Largest relative error of a solve that is still taken for a sound factor.
-const SOLVE_ACCURACY: f64 = 1e-7;
+use crate::spectrum::settings::SHIFTED_FACTOR;
 
 /// What the factors of `W − sA` have in common for all shifts `s`.
 pub(super) struct Pattern<'a> {
@@ -89,7 +87,7 @@ impl ShiftedFactor<'_> {
             .iter()
             .map(|[x]| (x * self.shift + 1.0).abs())
             .try_fold(0.0, |m: f64, e| e.is_finite().then_some(m.max(e)));
-        worst.is_some_and(|e| e < SOLVE_ACCURACY)
+        worst.is_some_and(|e| e < SHIFTED_FACTOR.solve_accuracy)
     }
 
     /// Distance of the shift from the nearest eigenvalue where that is far nearer than the others, never less than it: the

@@ -2,14 +2,10 @@
 
 use std::ops::Range;
 
-/// Size of the space needed for a hundred pairs more, and for none: measured at 12 to 300 pairs of 37 meshes, enough for nine
-/// in ten. Two blocks too many cost less than to look again.
-const LOWEST: [usize; 2] = [160, 32];
+use crate::spectrum::settings::SLICE;
+
 /// The same in the midst of the spectrum, for twice as many pairs as lie on that side of the shift where there are more.
 const INNER: [usize; 2] = [192, 58];
-
-/// Eigenvalues farther apart than this, relatively, are told apart, by a factor whose shift lies between them.
-const GAP: f64 = 1e-6;
 
 /// Consecutive eigenvalues; zero is not counted. Two slices meet at the first gap from their border on, so that both mean the
 /// same.
@@ -59,7 +55,7 @@ impl Slice {
     /// Size of the space at which convergence is first looked at, if so many eigenvalues are below its shift.
     pub(super) fn expected_size(&self, below: usize) -> usize {
         let (pairs, [per_hundred, least]) = if self.first == 0 {
-            (self.count(), LOWEST)
+            (self.count(), SLICE.lowest)
         } else {
             let [before, after] = [
                 below.saturating_sub(self.first),
@@ -73,6 +69,7 @@ impl Slice {
 
 /// Places from one on whose eigenvalue is told apart from that before it.
 pub(super) fn gaps(spectrum: &[f64], from: usize) -> impl Iterator<Item = usize> {
-    let apart = |&place: &usize| spectrum[place] - spectrum[place - 1] > GAP * spectrum[place];
+    let apart =
+        |&place: &usize| spectrum[place] - spectrum[place - 1] > SLICE.gap * spectrum[place];
     (from.max(1)..spectrum.len()).filter(apart)
 }

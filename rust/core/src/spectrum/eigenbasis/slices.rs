@@ -17,45 +17,7 @@ use super::orthogonal::{orthonormalise, remove};
 use super::shifted_factor::{Pattern, ShiftedFactor};
 use super::slice::Slice;
 use crate::error::{Error, Result, System};
-
-/// Fewer eigenpairs are found in one slice: two would take more solves than they save elsewhere. A shape has 150, and two
-/// shapes are mostly prepared side by side, so that no core is left for a second slice.
-const LEAST_SLICED: usize = 180;
-
-/// The shift of one slice lies where this fraction of the wanted eigenvalues is below it. Krylov spaces then find both ends
-/// equally late, at 5k vertices and k = 200 with 400 vectors instead of 600 for a shift below the spectrum.
-const SHIFT: f64 = 0.62;
-/// Those of two slices, which meet midway: their spaces are then of one size.
-const SHIFTS: [f64; 2] = [0.37, 0.81];
-
-/// How far from its place, in fractions of the wanted eigenvalues, the shift of one slice may end, and that of one of two,
-/// which matters more: farther off, a second factor costs less than a larger space.
-const TOLERANCE: f64 = 0.08;
-const TOLERANCE_OF_TWO: f64 = 0.03;
-/// In eigenvalues, at least.
-const LEAST_TOLERANCE: f64 = 2.0;
-
-/// How many more eigenvalues there are below a shift than Weyl's law says: some low ones of long limbs; and, times the square of
-/// their number over that of the vertices, those that are smaller on a mesh. Means of 37 meshes, bodies above all.
-const MORE_LOW: f64 = 2.0;
-const MORE_HIGH: f64 = 1.0;
-
-/// Factorisations tried to place the shift.
-const TRIALS: usize = 6;
-
-/// A shift whose factor is inaccurate is replaced by this multiple.
-const STEP_ASIDE: f64 = 0.97;
-
-/// A shift that is nearer to an eigenvalue than this fraction of their spacing is moved by the other: rounding grows with
-/// the largest eigenvalue of the inverse, and one of 160 poses of people missed the bound on residuals.
-const TOO_NEAR: f64 = 0.01;
-const ASIDE: f64 = 0.3;
-
-/// Eigenvectors of two slices meet at the residual over the distance of their eigenvalues. Where that is more than
-/// this, removing it leaves those of one slice no longer orthogonal to each other, and they are made so again.
-const SMALL_OVERLAP: f64 = 1e-7;
-/// Where it is more than this, both have the same eigenvector, or the border falls among copies of an eigenvalue.
-const MOST_OVERLAP: f64 = 1e-2;
+use crate::spectrum::settings::SLICES;
 
 /// What all slices have in common. Vertices are in the factors' ordering.
 pub(super) struct Spectrum<'a> {
@@ -92,7 +54,7 @@ impl<'a> Spectrum<'a> {
 
     /// The lowest `wanted` eigenpairs above zero, in one or more parts, ascending.
     pub(super) fn lowest(&self, wanted: usize) -> Result<Vec<RitzPairs>> {
-        if wanted >= LEAST_SLICED {
+        if wanted >= SLICES.least_sliced {
             match self.lowest_in_slices(wanted) {
                 Ok(Some(parts)) => return Ok(parts),
                 // Where a border falls among copies of an eigenvalue, all are found at once.
@@ -111,7 +73,8 @@ impl<'a> Spectrum<'a> {
     /// The same in two slices that need spaces of equal sizes; none where they cannot be told apart.
     fn lowest_in_slices(&self, wanted: usize) -> Result<Option<Vec<RitzPairs>>> {
         let factor = |fraction: f64| {
-            let [target, tolerance] = [fraction, TOLERANCE_OF_TWO].map(|part| part * wanted as f64);
+            let [target, tolerance] =
+                [fraction, SLICES.tolerance_of_two].map(|part| part * wanted as f64);
             factor_near(
                 target,
                 tolerance,
@@ -120,7 +83,7 @@ impl<'a> Spectrum<'a> {
                 self.cancelled,
             )
         };
-        let [first, second] = SHIFTS;
+        let [first, second] = SLICES.shifts;
         let (low, high) = rayon::join(|| factor(first), || factor(second));
         let (low, high) = (low?, high?);
         let [below_low, below_high] = [&low, &high].map(ShiftedFactor::pairs_below);
@@ -146,10 +109,10 @@ impl<'a> Spectrum<'a> {
         let (some, others) = upper.vectors.as_mut().split_at_col_mut(half);
         let (some, others) = rayon::join(|| remove(some, known), || remove(others, known));
         let overlap = some.norm_max().max(others.norm_max());
-        if overlap > MOST_OVERLAP {
+        if overlap > SLICES.most_overlap {
             return Ok(None);
         }
-        if overlap > SMALL_OVERLAP {
+        if overlap > SLICES.small_overlap {
             orthonormalise(upper.vectors.as_mut(), known);
         }
         Ok(Some(vec![lower, upper]))
@@ -173,7 +136,7 @@ fn weyl_spacing(area: f64) -> f64 {
 
 /// So many eigenvalues of a mesh as far apart as Weyl's law has them mostly take the place of `target`.
 fn by_weyl(target: f64, vertices: usize) -> f64 {
-    (target - MORE_LOW - MORE_HIGH * target * target / vertices as f64).max(0.5)
+    (target - SLICES.more_low - SLICES.more_high * target * target / vertices as f64).max(0.5)
 }
 
 /// The factor of the slice of the lowest `wanted` eigenvalues above zero.
@@ -183,7 +146,7 @@ pub(super) fn lowest_factor<'a>(
     cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Result<ShiftedFactor<'a>> {
     let spacing = weyl_spacing(pattern.mass().sum());
-    let [target, tolerance] = [SHIFT, TOLERANCE].map(|part| part * wanted as f64);
+    let [target, tolerance] = [SLICES.shift, SLICES.tolerance].map(|part| part * wanted as f64);
     factor_near(target, tolerance, pattern, spacing, cancelled)
 }
 
@@ -197,34 +160,41 @@ fn factor_near<'a>(
     cancelled: &(dyn Fn() -> bool + Sync),
 ) -> Result<ShiftedFactor<'a>> {
     let mut shift = spacing * by_weyl(target, pattern.ordering().len());
-    for trial in 1..=TRIALS {
+    for trial in 1..=SLICES.trials {
         if cancelled() {
             return Err(Error::Cancelled);
         }
         let Some(factor) = pattern.factor(shift) else {
-            shift *= STEP_ASIDE;
+            shift *= SLICES.step_aside;
             continue;
         };
         let below = factor.pairs_below() as f64;
         // A shift off its best place only costs solves.
-        if (below - target).abs() > tolerance.max(LEAST_TOLERANCE) && trial + 2 <= TRIALS {
+        if (below - target).abs() > tolerance.max(SLICES.least_tolerance)
+            && trial + 2 <= SLICES.trials
+        {
             shift *= (target / below.max(1.0)).clamp(0.25, 4.0);
-        } else if trial < TRIALS && factor.nearest_eigenvalue() < TOO_NEAR * spacing {
-            shift += ASIDE * spacing;
+        } else if trial < SLICES.trials && factor.nearest_eigenvalue() < SLICES.too_near * spacing {
+            shift += SLICES.aside * spacing;
         } else {
             return Ok(factor);
         }
     }
     Err(Error::NotFactorised {
         of: System::Laplacian,
-        reason: format!("no accurate factor for {TRIALS} shifts up to {shift:.3}"),
+        reason: format!(
+            "no accurate factor for {} shifts up to {shift:.3}",
+            SLICES.trials
+        ),
     })
 }
 
 #[cfg(test)]
 mod tests {
+    use crate::spectrum::settings::EIGENBASIS;
+
+    use super::super::Eigenbasis;
     use super::super::shifted_factor::tests::laplacian;
-    use super::super::{Eigenbasis, RESIDUAL_BOUND, SAFETY};
     use super::*;
 
     #[test]
@@ -236,7 +206,7 @@ mod tests {
         let (target, tolerance) = (10.0, 2.0);
         let spacing = values[10] * (1.0 + 1e-9) / by_weyl(target, laplacian.len());
         let factor = factor_near(target, tolerance, &pattern, spacing, &|| false).unwrap();
-        assert!(factor.nearest_eigenvalue() > TOO_NEAR * spacing);
+        assert!(factor.nearest_eigenvalue() > SLICES.too_near * spacing);
         let below = factor.pairs_below() as f64;
         assert!((below - target).abs() <= tolerance, "{below}");
     }
@@ -267,7 +237,7 @@ mod tests {
         const WANTED: usize = 140;
         let laplacian = laplacian();
         let pattern = Pattern::new(&laplacian).unwrap();
-        let bound = SAFETY * RESIDUAL_BOUND;
+        let bound = EIGENBASIS.safety * EIGENBASIS.residual_bound;
         let spectrum = Spectrum::new(&pattern, &laplacian.mass, bound, &|| false);
         let slices = spectrum.lowest_in_slices(WANTED).unwrap();
         let slices = slices.expect("told apart");
@@ -285,6 +255,9 @@ mod tests {
         assert!(overlap.norm_max() < 1e-13, "{}", overlap.norm_max());
         // Two from some number on, below it one.
         let parts = |wanted: usize| spectrum.lowest(wanted).unwrap().len();
-        assert_eq!([parts(LEAST_SLICED - 1), parts(LEAST_SLICED)], [1, 2]);
+        assert_eq!(
+            [parts(SLICES.least_sliced - 1), parts(SLICES.least_sliced)],
+            [1, 2]
+        );
     }
 }

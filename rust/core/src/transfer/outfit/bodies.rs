@@ -8,12 +8,9 @@ use super::settings::Settings;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::settings::BODIES;
 use crate::transfer::surface::{Surface, blend};
 use crate::transfer::surface_map::SurfaceMap;
-
-/// Height of a standing person for 1 of the square root of the skin's area: between 1.22 and 1.36 for six bodies of
-/// `MakeHuman`, children and a cartoon's proportions among them. Neither pose nor rotation changes it.
-const HEIGHT: f64 = 1.3;
 
 /// Source, target and the target wrapped around the source: each of its vertices at its image.
 ///
@@ -33,7 +30,7 @@ pub struct Bodies {
     normals: Vec<Point>,
     /// Which of the target's triangles something is known of.
     known: Vec<bool>,
-    /// Heights of the two, [as a person's](HEIGHT).
+    /// Heights of the two, as a person's (`BODIES.height`).
     pub heights: [f64; 2],
     /// Whether the map turns left into right.
     pub mirrored: bool,
@@ -83,7 +80,7 @@ impl Bodies {
                 });
             }
         }
-        let heights = [areas[0], areas[1]].map(|area| HEIGHT * area.sqrt());
+        let heights = [areas[0], areas[1]].map(|area| BODIES.height * area.sqrt());
         let facing: f64 = (0..wrapped.triangles.len() as u32)
             .map(|t| {
                 let corners = wrapped.triangles[t as usize].map(|v| normals[v as usize]);

@@ -1,12 +1,9 @@
 //! Which bone of one rig moves what a bone of another moves.
 
 use crate::error::{Error, Result};
+use crate::transfer::settings::BONE_MAP;
 use crate::transfer::skin_weights::SkinWeights;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
-
-/// Bones of which less than this is shared are no partners: it is what neighbours in a chain share at least when both rigs
-/// divide a limb alike.
-const LEAST_SHARE: f64 = 0.1;
 
 /// Stands for no parent.
 pub const NONE: i64 = -1;
@@ -90,7 +87,9 @@ pub fn bone_map(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Result<Ve
             let allowed = below_2.get(within).unwrap_or(&everything);
             let mut most = (worth(&best, &children[bone], within), None);
             for &other in allowed {
-                if shares[bone][other as usize] >= LEAST_SHARE && value[other as usize] > most.0 {
+                if shares[bone][other as usize] >= BONE_MAP.least_share
+                    && value[other as usize] > most.0
+                {
                     most = (value[other as usize], Some(other));
                 }
             }

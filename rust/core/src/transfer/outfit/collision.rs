@@ -11,6 +11,7 @@ use super::outside::Nearest;
 use super::settings::Settings;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::transfer::settings::COLLISION;
 use crate::watch::progress::Check;
 
 /// What is kept of a place, in the target's units.
@@ -50,9 +51,6 @@ struct Probe<'a> {
     /// How far it has to go, and where to.
     push: Option<Point>,
 }
-
-/// Rings of edges around a fold that go back to their shape with it.
-const RINGS: usize = 1;
 
 /// Moves places out of the target and layers off one another.
 ///
@@ -94,7 +92,7 @@ pub fn cleared(
         if !pushed {
             break;
         }
-        let folds = garment.folds(&positions, RINGS);
+        let folds = garment.folds(&positions, COLLISION.rings);
         for &[a, b] in &garment.edges {
             let [i, j] = [a, b].map(|v| v as usize);
             let (weight, back) = if folds[i] && folds[j] {

@@ -3,6 +3,7 @@
 use super::outside::welded;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
+use crate::transfer::settings::GARMENT;
 use crate::transfer::unions::Unions;
 
 /// Garments, one or several, joined at places that they share.
@@ -23,9 +24,6 @@ pub struct Garment {
     /// Number of pieces.
     pub pieces: usize,
 }
-
-/// Cosine between the normals of neighbouring triangles below which they are folded onto one another.
-const FOLDED: f64 = -0.2;
 
 impl Garment {
     /// Checks and joins.
@@ -125,7 +123,7 @@ impl Garment {
         for pair in &self.hinges {
             let triangles = pair.map(|t| self.triangles[t as usize]);
             let [a, b] = triangles.map(|t| normal(positions, t));
-            if vector::dot(a, b) < FOLDED {
+            if vector::dot(a, b) < GARMENT.folded {
                 for v in triangles.as_flattened() {
                     marked[*v as usize] = true;
                 }

@@ -10,22 +10,10 @@ use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::settings::GUIDANCE;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::{SurfaceMap, check_rows};
 
-/// Share of the skin that a bone has to hold, with what hangs on it, to tell where anything is: hands and feet do,
-/// fingers and eyelids follow the bone that they hang on.
-const LEAST_HELD: f64 = 0.02;
-/// How much a vertex follows the rigs for 1 of doubt: all the way where its confidence is a half or less. On a cartoon's
-/// head, of confidence 0.2 to 0.4, images are 3.4 and 1.2 % of the height off without, 1.8 and 0.8 with 1, 1.4 and 0.6
-/// with 2; where bodies are alike nothing changes.
-const BY_DOUBT: f64 = 2.0;
-/// Power of the confidence by which a vertex tells how the whole body is turned.
-const SURE: i32 = 4;
-/// Length over which ways are averaged, in roots of the target's area: two hundredths of a person's height.
-const AVERAGED_OVER: f64 = 0.04;
-/// Shortest way that is gone, for 1 of the source's size: below it a vertex stays exactly where it was.
-const STILL: f64 = 1e-6;
 /// How well the average is solved.
 const UNTIL: Until = Until {
     residual: 1e-6,
@@ -79,14 +67,14 @@ pub fn guided(map: &SurfaceMap, source: Skeleton<'_>, target: Skeleton<'_>) -> R
             if total <= 0.0 {
                 return [0.0; 3];
             }
-            let doubt = (BY_DOUBT * (1.0 - map.confidence[v])).clamp(0.0, 1.0);
+            let doubt = (GUIDANCE.by_doubt * (1.0 - map.confidence[v])).clamp(0.0, 1.0);
             let place = vector::scaled(sum, 1.0 / total);
             vector::scaled(vector::sub(place, map.images()[v]), doubt)
         })
         .collect();
     let ways = averaged(&map.target, &areas, ways);
     let outside = Outside::of(&map.source);
-    let shortest = STILL * map.source.diagonal();
+    let shortest = GUIDANCE.still * map.source.diagonal();
     let points: Vec<SurfacePoint> = (0..ways.len())
         .into_par_iter()
         .map(|v| {
@@ -138,7 +126,7 @@ fn joints(
     }
     let held_1 = held(&map.source, source.rig);
     let held_2 = held(&map.target, target.rig);
-    let least = LEAST_HELD * held_2.iter().sum::<f64>();
+    let least = GUIDANCE.least_held * held_2.iter().sum::<f64>();
     // Leaves first: what holds too little, or has no partner, counts for what it hangs on.
     let mut with_children = held_2.clone();
     let mut tells = vec![false; count];
@@ -223,7 +211,7 @@ fn turn(map: &SurfaceMap, areas: &[f64]) -> [Point; 3] {
         .iter()
         .zip(map.images())
         .zip(areas.iter().zip(&map.confidence))
-        .map(|((&y, &x), (area, confidence))| (y, x, area * confidence.powi(SURE)))
+        .map(|((&y, &x), (area, confidence))| (y, x, area * confidence.powi(GUIDANCE.sure)))
         .collect();
     let missed = |fitted: &Similarity| -> f64 {
         pairs
@@ -242,7 +230,7 @@ fn turn(map: &SurfaceMap, areas: &[f64]) -> [Point; 3] {
 /// The least of `Σ A |x − way|² + ℓ² tr xᵀWx`.
 fn averaged(surface: &Surface, areas: &[f64], ways: Vec<Point>) -> Vec<Point> {
     let edges = EdgeWeights::new(&surface.vertices, &surface.triangles);
-    let square = AVERAGED_OVER * AVERAGED_OVER * areas.iter().sum::<f64>();
+    let square = GUIDANCE.averaged_over * GUIDANCE.averaged_over * areas.iter().sum::<f64>();
     let diagonal: Vec<f64> = areas
         .iter()
         .enumerate()

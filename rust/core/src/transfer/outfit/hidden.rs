@@ -8,10 +8,8 @@ use super::bodies::Bodies;
 use super::garment::Garment;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
+use crate::transfer::settings::HIDDEN;
 use crate::transfer::surface::Surface;
-
-/// Cosine between the way out of the skin and the way to the cloth from which cloth is over the skin and not beside it.
-const OVER: f64 = 0.5;
 
 /// Which of the target's vertices lie under cloth, at most `reach` from it, and at least `margin` from skin that does not.
 ///
@@ -37,7 +35,7 @@ pub fn hidden(
             let near = cloth.nearest_within(p, reach, |_| true);
             near.is_some_and(|near| {
                 let way = vector::sub(cloth.position(&near), p);
-                vector::dot(way, out) > OVER * vector::norm(way)
+                vector::dot(way, out) > HIDDEN.over * vector::norm(way)
             })
         })
         .collect();

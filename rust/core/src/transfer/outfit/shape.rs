@@ -10,6 +10,7 @@ use super::settings::Settings;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::transfer::frame::Matrix;
+use crate::transfer::settings::SHAPE;
 
 /// The least of `Σᵢⱼ |pⱼ − pᵢ − ½(Jᵢ + Jⱼ)(gⱼ − gᵢ)|² + Σ aᵢ |pᵢ − goalᵢ|²`, with J smoothed along the garment.
 ///
@@ -40,7 +41,7 @@ pub fn shaped(
     };
     let mut found = solve(&hold)?;
     for _ in 0..settings.unfolding {
-        let folds = garment.folds(&found, RINGS);
+        let folds = garment.folds(&found, SHAPE.rings);
         if !folds.contains(&true) {
             break;
         }
@@ -51,9 +52,6 @@ pub fn shaped(
     }
     Ok(found)
 }
-
-/// Rings of edges around a fold that are let go with it: a fold is as wide as a triangle, and has two sides.
-const RINGS: usize = 2;
 
 /// Offsets along edges as the smoothed frames of their ends take them.
 fn edge_offsets(garment: &Garment, bindings: &[Binding], settings: &Settings) -> Vec<Point> {

@@ -4,9 +4,7 @@ use super::bodies::Bodies;
 use super::collision::Distances;
 use crate::algebra::similarity::Similarity;
 use crate::algebra::vector::{self, Point};
-
-/// Moves of a piece out of the body, each by what its deepest place needs: where skin bends around it one is not enough.
-const MOVES: usize = 4;
+use crate::transfer::settings::STIFF;
 
 /// Replaces the positions of pieces by the similarity that fits best.
 ///
@@ -32,7 +30,7 @@ pub fn moved_out(
     positions: &mut [Point],
 ) {
     for piece in pieces {
-        for _ in 0..MOVES {
+        for _ in 0..STIFF.moves {
             let needs = piece.iter().map(|&v| {
                 let keep = &distances.places[v as usize];
                 let place = positions[v as usize];

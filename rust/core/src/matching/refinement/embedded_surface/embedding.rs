@@ -5,6 +5,7 @@ use faer::Mat;
 use super::state::Refined;
 use crate::error::Result;
 use crate::matching::refinement::propagation::Images;
+use crate::matching::refinement::settings::EMBEDDING;
 use crate::matching::refinement::side::{Surface, Weights};
 use crate::watch::progress::Check;
 
@@ -43,8 +44,6 @@ pub(super) const AFTER_SLIDING: Weights = Weights {
     positions: 0.5,
     ..WHOLE
 };
-/// Sweeps of the nearest neighbours at each step.
-pub(super) const SWEEPS: usize = 3;
 
 impl Refined<'_> {
     /// The deformed surface and the images of both sides, to be [put back](Self::put_back).
@@ -85,7 +84,7 @@ impl Refined<'_> {
     ) -> Result<()> {
         check()?;
         self.write_rows(of_still, weights);
-        self.find_images(SWEEPS, check)
+        self.find_images(EMBEDDING.sweeps, check)
     }
 
     /// Embeddings by the present map and surfaces.

@@ -6,15 +6,9 @@ use super::state::Refined;
 use crate::algebra::dense::{self, Rows};
 use crate::error::{Result, System};
 use crate::matching::problem::constraints::Which;
+use crate::matching::refinement::settings::FITS;
 use crate::matching::refinement::side::Side;
 use crate::watch::progress::Check;
-
-/// Ridge of the displacement fit, relative to Λ/λ₂₀.
-const DISPLACEMENT_RIDGE: f64 = 2e-4;
-/// Ridge of the map fit.
-const MAP_RIDGE: f64 = 1e-3;
-/// Eigenvalue that sets the scale of the displacement's smoothness.
-const SMOOTHNESS_PAIR: usize = 20;
 
 impl Refined<'_> {
     /// The map of the last step between `k` eigenfunctions, fewer of a part, `(kₛ, kₜ)`: target coefficients →
@@ -86,7 +80,7 @@ impl Refined<'_> {
         };
         let right = products(m.own(k), &own_shift) - products(answered.as_columns(), &back);
         let values = &m.shape.basis.values;
-        let scale = DISPLACEMENT_RIDGE / values[SMOOTHNESS_PAIR.min(values.len() - 1)];
+        let scale = FITS.displacement_ridge / values[FITS.smoothness_pair.min(values.len() - 1)];
         let shift = dense::solve_with_ridge(
             System::Map,
             gram,
@@ -132,7 +126,7 @@ fn fitted(
     check()?;
     let right = asked_right + to_right;
     let gram = asked_gram + to.own_gram(k_to);
-    let matrix = dense::solve_with_ridge(System::Map, gram, |_| MAP_RIDGE, right.as_ref())?;
+    let matrix = dense::solve_with_ridge(System::Map, gram, |_| FITS.map_ridge, right.as_ref())?;
     let squares = from.own_squares(k_from).iter().zip(&answered);
     let shared = squares
         .enumerate()

@@ -3,8 +3,7 @@
 use faer::Mat;
 use rayon::prelude::*;
 
-use super::embedding::{AFTER_SLIDING, SLIDING, SWEEPS};
-use super::rigid_steps::SAME_POSE;
+use super::embedding::{AFTER_SLIDING, SLIDING};
 use super::state::Refined;
 use crate::algebra::vector::Point;
 use crate::deformation::piecewise_affine::{PiecewiseAffine, Pull};
@@ -13,27 +12,11 @@ use crate::matching::problem::point_map::PointMap;
 use crate::matching::refinement::parts::{self, Foot};
 use crate::matching::refinement::propagation::Images;
 use crate::matching::refinement::regions;
+use crate::matching::refinement::settings::{EMBEDDING, POINT_TO_PLANE, RIGID_STEPS};
 use crate::matching::refinement::side::Surface;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::shape::pointwise_map::{EmbeddedTriangles, projected};
 use crate::watch::progress::Check;
-
-/// By how much more than before a surface that slid may stretch edges: where parts bend too sharply for it and maps
-/// become worse it is 1.26 to 1.32 times as much, elsewhere 0.75 to 1.15 times.
-const MOST_STRETCHED: f64 = 1.2;
-/// Rounds of sliding at most. With four, fingers of `MakeHuman` bodies more often land beside their own.
-const SLIDES: usize = 5;
-/// Last of them, in which images are points of triangles, in those before the vertices nearest to them: in all
-/// rounds by vertices, errors are two per cent larger.
-const SLIDES_WITHIN_TRIANGLES: usize = 2;
-/// How far beyond where it is drawn a surface goes on in all rounds between the first and the last, relative to the way
-/// there: without it the same errors take eight rounds, with half and three quarters of it six.
-const BEYOND: f64 = 0.8;
-/// Share of the images that change in a round below which they have slid.
-const SLID: f64 = 0.03;
-/// Steps with the whole surface where it slid to, in other poses: without them errors are a twentieth larger, and rise
-/// where nothing has to slide.
-const STEPS_AFTER_SLIDING: usize = 2;
 
 impl Refined<'_> {
     /// The moving surface [slides](Self::slide) along the other. Between bodies of different build in one pose this is the
@@ -51,7 +34,7 @@ impl Refined<'_> {
                 (moving.mesh.vertices[v], place, moving.mass[v])
             })
             .collect();
-        let same_pose = parts::off_affine(&matched).is_some_and(|off| off <= SAME_POSE);
+        let same_pose = parts::off_affine(&matched).is_some_and(|off| off <= RIGID_STEPS.same_pose);
         if same_pose {
             return self.slide(surface, check);
         }
@@ -68,11 +51,11 @@ impl Refined<'_> {
         let kept = self.kept();
         let before = stretch(&self.moving.images);
         self.slide(surface, check)?;
-        if stretch(&self.moving.images) > MOST_STRETCHED * before {
+        if stretch(&self.moving.images) > POINT_TO_PLANE.most_stretched * before {
             self.put_back(kept);
             return Ok(());
         }
-        for _ in 0..STEPS_AFTER_SLIDING {
+        for _ in 0..POINT_TO_PLANE.steps_after_sliding {
             let at_images = self.at_images(self.matrix.nrows());
             (self.matrix, self.shared) = self.mapped(&at_images, check)?;
             self.embed(Surface::Whole, AFTER_SLIDING, check)?;
@@ -85,8 +68,11 @@ impl Refined<'_> {
     fn slide(&mut self, mut surface: PiecewiseAffine<'_>, check: Check<'_>) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
         let (mut anchors, mut drawn): (Option<Vec<Point>>, Option<Vec<Point>>) = (None, None);
-        for round in 0..SLIDES {
-            let images = self.image_points(round + SLIDES_WITHIN_TRIANGLES >= SLIDES, check)?;
+        for round in 0..POINT_TO_PLANE.slides {
+            let images = self.image_points(
+                round + POINT_TO_PLANE.slides_within_triangles >= POINT_TO_PLANE.slides,
+                check,
+            )?;
             let feet: Vec<Foot> =
                 (images.par_iter().map(|image| Foot::new(still, image))).collect();
             let anchors = anchors.get_or_insert_with(|| feet.iter().map(|f| f.place).collect());
@@ -98,10 +84,10 @@ impl Refined<'_> {
                 })
                 .collect();
             let places = surface.drawn_to(&pulls, check)?;
-            let last = round + 1 == SLIDES;
+            let last = round + 1 == POINT_TO_PLANE.slides;
             let from = drawn.as_ref().filter(|_| !last).unwrap_or(&places);
             self.deformed = Mat::from_fn(places.len(), 3, |v, c| {
-                places[v][c] + BEYOND * (places[v][c] - from[v][c])
+                places[v][c] + POINT_TO_PLANE.beyond * (places[v][c] - from[v][c])
             });
             drawn = Some(places);
             let before = self.images();
@@ -110,8 +96,8 @@ impl Refined<'_> {
             } else {
                 self.write_moving_rows(SLIDING);
             }
-            self.find_images(SWEEPS, check)?;
-            if self.changed_since(&before) < SLID {
+            self.find_images(EMBEDDING.sweeps, check)?;
+            if self.changed_since(&before) < POINT_TO_PLANE.slid {
                 break;
             }
         }

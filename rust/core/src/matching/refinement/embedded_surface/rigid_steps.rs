@@ -1,23 +1,14 @@
 //! Steps on the whole surface: drawn onto the other as rigidly as possible, or moved onto it where both coincide.
 
-use super::embedding::{COINCIDING, SWEEPS, WHOLE};
+use super::embedding::{COINCIDING, WHOLE};
 use super::state::{Refined, as_matrix};
 use crate::algebra::similarity::Similarity;
 use crate::algebra::vector::{self, Point};
 use crate::deformation::rigid_surface::RigidSurface;
 use crate::error::Result;
-use crate::matching::refinement::coinciding::{COINCIDENT, STRAY};
+use crate::matching::refinement::settings::{COINCIDENCE, EMBEDDING, RIGID_STEPS};
 use crate::matching::refinement::side::Surface;
 use crate::watch::progress::Check;
-
-/// Root mean square distance between matched points of surfaces that are moved onto each other, above
-/// which they are in other poses: maps are right to 0.02. After an affine map bodies of different build in one pose
-/// leave 0.02 to 0.045, other poses 0.06 and more.
-pub(super) const SAME_POSE: f64 = 0.05;
-/// Times that coinciding surfaces are moved onto each other.
-const MOVES: usize = 6;
-/// Share of the images that change in a step on the whole surface below which it has come to rest.
-const AT_REST: f64 = 0.015;
 
 impl Refined<'_> {
     /// Steps in which the moving surface itself, not low-passed, is drawn onto the other as rigidly as
@@ -48,8 +39,8 @@ impl Refined<'_> {
             self.deformed = as_matrix(&surface.positions);
             self.write_moving_rows(WHOLE);
             let before = self.images();
-            self.find_images(SWEEPS, &check)?;
-            if size.min(most) == most && self.changed_since(&before) < AT_REST {
+            self.find_images(EMBEDDING.sweeps, &check)?;
+            if size.min(most) == most && self.changed_since(&before) < RIGID_STEPS.at_rest {
                 break;
             }
         }
@@ -92,11 +83,11 @@ impl Refined<'_> {
             total += w;
             square += w * vector::distance(motion.apply(p), q).powi(2);
         }
-        if square > SAME_POSE.powi(2) * total {
+        if square > RIGID_STEPS.same_pose.powi(2) * total {
             return Ok(false);
         }
         let kept = self.kept();
-        for _ in 0..MOVES {
+        for _ in 0..RIGID_STEPS.moves {
             let motion = Similarity::fitted(&self.matched(), false);
             let places = &self.moving.shape.mesh.vertices;
             let moved: Vec<Point> = places.iter().map(|&p| motion.apply(p)).collect();
@@ -115,10 +106,10 @@ impl Refined<'_> {
         let still = self.still.shape;
         let strays = |&(v, &image): &(usize, &u32)| {
             let off = vector::sub(self.deformed_at(v), still.mesh.vertices[image as usize]);
-            vector::dot(still.normals[image as usize], off).abs() > COINCIDENT
+            vector::dot(still.normals[image as usize], off).abs() > COINCIDENCE.coincident
         };
         let images = &self.moving.images.vertex;
         let strayed = images.iter().enumerate().filter(strays).count();
-        strayed as f64 <= STRAY * images.len() as f64
+        strayed as f64 <= COINCIDENCE.stray * images.len() as f64
     }
 }

@@ -1,9 +1,5 @@
 //! Which vertices take part in a refinement, and its numbers of eigenfunctions.
 
-/// What surfaces are low-passed to at least, so that a limb is no line, which has no sides. The first way's
-/// climb keeps a gorilla's leg from being twisted by doing without.
-pub(super) const DETAIL: usize = 100;
-
 /// Which vertices take part in the fits, and for which numbers of eigenfunctions.
 #[derive(Debug, Clone, Copy)]
 pub struct Schedule {
@@ -18,6 +14,10 @@ pub struct Schedule {
     /// Only this many vertices of each shape ask, all when `None`.
     pub drawn: Option<usize>,
 }
+
+/// What surfaces are low-passed to at least, so that a limb is no line, which has no sides. The first way's
+/// climb keeps a gorilla's leg from being twisted by doing without.
+pub(super) const DETAIL: usize = 100;
 
 /// The full schedule: two ways, 60 to 150 eigenfunctions in equal ratios, then on the whole surface.
 pub const FULL: Schedule = Schedule {

@@ -1,11 +1,12 @@
 //! Steps on low-passed surfaces, of more eigenfunctions each, by one way or by two.
 
-use super::embedding::{LOW_PASSED, SWEEPS};
+use super::embedding::LOW_PASSED;
 use super::schedule::DETAIL;
 use super::state::Refined;
 use crate::error::Result;
 use crate::matching::problem::point_map::PointMap;
 use crate::matching::refinement::regions;
+use crate::matching::refinement::settings::EMBEDDING;
 use crate::matching::refinement::side::Surface;
 use crate::watch::progress::Check;
 
@@ -62,11 +63,13 @@ impl Refined<'_> {
         let (moving, still) = rayon::join(
             || {
                 let all = &all.moving;
-                self.moving.images_of_all(all, &self.still, SWEEPS, check)
+                self.moving
+                    .images_of_all(all, &self.still, EMBEDDING.sweeps, check)
             },
             || {
                 let all = &all.still;
-                self.still.images_of_all(all, &self.moving, SWEEPS, check)
+                self.still
+                    .images_of_all(all, &self.moving, EMBEDDING.sweeps, check)
             },
         );
         Ok([moving?, still?])

@@ -2,7 +2,6 @@
 
 use faer::{Mat, MatRef};
 
-use super::embedding::SWEEPS;
 use super::state::Refined;
 use crate::algebra::dense::Rows;
 use crate::algebra::similarity::Similarity;
@@ -10,6 +9,7 @@ use crate::error::Result;
 use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::Pair;
 use crate::matching::refinement::propagation::Images;
+use crate::matching::refinement::settings::EMBEDDING;
 use crate::matching::refinement::side::Side;
 use crate::mesh::Adjacency;
 use crate::shape::Shape;
@@ -126,7 +126,7 @@ fn first_images(
             asking,
             (own_rows, neighbours),
             (other_rows, &other.neighbours),
-            SWEEPS,
+            EMBEDDING.sweeps,
             check,
         )?;
     } else {

@@ -1,0 +1,65 @@
+//! Numbers that steer this stage, each with its reason.
+
+use crate::settings::settings;
+
+settings! {
+    /// The function whose zero level set is the envelope, sampled near it.
+    FIELD: Field {
+        /// How steeply the solid ends where |w| passes 1/2: at 1/4 and 3/4 it is a distance again.
+        steepness: f32 = 4.0,
+        /// Distance of |w| from 0 and 1 above which a surface is a sheet.
+        sheet_above: f32 = 0.2,
+        /// Depth in cells of the deepest point around below which a solid is thin: at a point outside the next one
+        /// inward of a thick solid is up to a cell deep, and half a cell is enough to be found.
+        thin_below: f32 = 0.2,
+        /// The depth above which it needs no offset.
+        thick_above: f32 = 0.4,
+        /// λ: what counts is a gap between two pieces and not one behind the other, where p₂ lies beyond p₁; 2d₁ is
+        /// then added so many times.
+        between: f32 = 1.0,
+        /// A cell that the surface crosses has a point within the offset; its corners are within a diagonal of that,
+        /// in steps.
+        diagonal: f32 = 1.8,
+        /// Winding number at most beyond the box of all triangles: outside of any solid, and still beside a sheet.
+        most_beyond: f32 = 0.45,
+    }
+
+    /// The zero level set of values on the grid, as a closed manifold.
+    SURFACE: Surface {
+        /// Crossings stay this share of an edge away from its ends: vertices of different cells are then apart, and
+        /// no triangle is degenerate.
+        least_part: f32 = 0.1,
+    }
+
+    /// What of a soup can be seen from outside: depth buffers from directions all around.
+    VISIBLE: Visible {
+        /// Axes, each of two views. With 64 of them the visible area of a clothed character differs by less than 1 %.
+        axes: usize = 32,
+        /// Pixels along the largest extent: the narrowest gap through which something is seen is some thousandths of
+        /// it.
+        pixels: f32 = 256.0,
+        /// How far before a sample the plane of another triangle may pass, in pixels: neighbours of a curved surface
+        /// do.
+        slack: f32 = 0.5,
+        /// A view counts for a face whose normal is less than this away from it, as a cosine: in slanting ones depths
+        /// across a pixel differ by many.
+        least_cosine: f32 = 0.2,
+        /// Views from which a sample has to be seen: a single one of 64 looks through a crack between two pieces.
+        seen_from: u8 = 2,
+        /// Edge, over the largest extent, of which a face has one sample; of twice as long ones four, of longer ones
+        /// sixteen.
+        one_sample: f32 = 0.03,
+        /// How far outside an edge, in pixels times its length, a pixel still counts as covered: without it rounding
+        /// leaves cracks.
+        cover: f32 = 1e-3,
+    }
+
+    /// Generalised winding number of a soup of triangles, by a tree of multipoles.
+    WINDING: Winding {
+        /// A node is expanded from so many of its radii. Against all solid angles the largest error is 0.044 with 2
+        /// on a sphere, a torus and an open box, below the error allowed for with 2.5.
+        opening: f32 = 2.5,
+        /// Distance, in radii of the part, from which the share of a node or triangle is smooth there.
+        smooth: f32 = 2.5,
+    }
+}
