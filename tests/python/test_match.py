@@ -24,8 +24,8 @@ def test_two_characters(corr, slender, stout):
     ids, truth = characters.truth_vertices(stout, slender)
     chosen = np.linspace(0, len(ids) - 1, 200).astype(int)
     distances = TruthDistances(slender.vertices, slender.faces)
-    # The bound that the demo keeps, too.
-    assert 100 * distances.between(truth[chosen], corr.vertices[ids[chosen]]).mean() < 8
+    # Twice the 2.6 of this pair, which other roundings move by some tenths; turned maps have 20 and more.
+    assert 100 * distances.between(truth[chosen], corr.vertices[ids[chosen]]).mean() < 5
 
 
 def test_result_has_the_promised_form(corr, slender, stout):
@@ -184,8 +184,8 @@ def test_a_locally_scaled_shape_is_matched_better_in_the_scale_invariant_metric(
         answer = sgmds.match(*shapes).vertices
         errors[metric] = 100 * distances.between(truth[chosen], answer[ids[chosen]]).mean()
     assert errors["scale-invariant"] < errors["euclidean"]
-    # Right, too: the bound of the demo.
-    assert errors["scale-invariant"] < 8
+    # Right, too: twice the 1.7 of this pair.
+    assert errors["scale-invariant"] < 3.5
 
 
 def test_a_mistaken_symmetry_does_not_mislead():
