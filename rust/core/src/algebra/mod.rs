@@ -10,4 +10,5 @@ pub(crate) mod packed;
 pub mod similarity;
 pub mod space_tree;
 pub mod sparse_factor;
+pub mod unions;
 pub mod vector;

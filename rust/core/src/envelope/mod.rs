@@ -23,7 +23,7 @@ mod place;
 mod scaled;
 pub mod settings;
 #[cfg(test)]
-mod shapes;
+pub(crate) mod shapes;
 mod surface;
 mod tree;
 mod visible;

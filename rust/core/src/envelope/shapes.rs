@@ -13,7 +13,7 @@ pub struct Soup {
 }
 
 impl Soup {
-    pub fn triangles(&self) -> Vec<Triangle> {
+    pub(super) fn triangles(&self) -> Vec<Triangle> {
         let place = |v: u32| self.vertices[v as usize].map(|x| x as f32);
         let triangle = |f: &[u32; 3]| Triangle {
             corners: f.map(place),

@@ -19,6 +19,7 @@ use faer::Mat;
 pub use judgement::graded;
 pub use pull_back::FigureMap;
 
+use crate::algebra::unions::Unions;
 use crate::algebra::vector::{self, Point};
 use crate::envelope::{self, Envelope};
 use crate::error::{Error, Result};
@@ -30,7 +31,6 @@ use crate::mesh::weld::{Welded, checked_faces};
 use crate::mesh::{IntakeReport, strays};
 use crate::shape::{CostlyParts, PublicArrays, Shape};
 use crate::transfer::Surface;
-use crate::transfer::unions::Unions;
 use crate::watch::progress::Progress;
 
 /// A surface or many, prepared to be matched as one.

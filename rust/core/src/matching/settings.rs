@@ -37,6 +37,20 @@ settings! {
         torn_apart: f64 = 0.15,
     }
 
+    /// Heights by which upright figures of other proportions are alike: where their legs join, and the neck.
+    LEVELS: Levels {
+        /// A leg begins below this share of the height: heels, and feet of one who walks.
+        ground: f64 = 0.15,
+        /// It is at least so long, by the height: those of short-legged game figures are.
+        leg: f64 = 0.08,
+        /// A head is at least so much wider than the neck, on each side, by the height: a person's by 0.02.
+        head: f64 = 0.012,
+        /// It is widest at least so much above the neck: a thigh joins the waist from below.
+        above: f64 = 0.01,
+        /// Heights of what was found from both sides differ by less.
+        even: f64 = 0.05,
+    }
+
     /// The map between two figures that stand alike: upright and at rest, facing one way.
     STANDING: Standing {
         /// Samples of each figure in the registration.

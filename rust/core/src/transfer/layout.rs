@@ -5,13 +5,13 @@ use std::ops::Range;
 
 use rayon::prelude::*;
 
+use crate::algebra::unions::Unions;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::transfer::corners::{self, CornerPlace, CornerValues, Polygons};
 use crate::transfer::settings::LAYOUT;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
-use crate::transfer::unions::Unions;
 
 /// A UV map on the target.
 #[derive(Debug)]

@@ -24,7 +24,6 @@ pub mod surface;
 pub mod surface_map;
 pub mod texture;
 pub mod trace;
-pub mod unions;
 pub mod values;
 
 pub use surface::Surface;

@@ -2,6 +2,7 @@
 
 use crate::algebra::similarity::Similarity;
 use crate::algebra::space_tree::SpaceTree;
+use crate::algebra::unions::Unions;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
@@ -9,7 +10,6 @@ use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::settings::PARTS;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
-use crate::transfer::unions::Unions;
 
 /// Connected part of each vertex, numbered from 0; vertices without a triangle have one each.
 #[must_use]

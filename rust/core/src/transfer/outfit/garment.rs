@@ -1,10 +1,10 @@
 //! A garment as a graph: vertices at one place are one, pieces are what edges connect.
 
 use super::outside::welded;
+use crate::algebra::unions::Unions;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::transfer::settings::GARMENT;
-use crate::transfer::unions::Unions;
 
 /// Garments, one or several, joined at places that they share.
 #[derive(Debug)]

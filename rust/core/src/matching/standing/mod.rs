@@ -5,6 +5,8 @@
 //! [registered](crate::deformation::registration) onto the source. Where its samples come to lie gives a first map of
 //! eigenfunctions, which is refined and judged as any other. Nothing is searched for it.
 
+mod levels;
+
 use rayon::prelude::*;
 
 use crate::algebra::dense;
@@ -49,8 +51,19 @@ struct Alignment {
     turn: Turn,
     /// The axis that points up.
     up: usize,
+    /// Height at which the legs of target and source join, where they have some.
+    legs: [Option<f64>; 2],
     /// Mean distance between samples.
     misfit: f64,
+}
+
+impl Alignment {
+    /// Whether figures rather stand like this than like another: they stand on legs.
+    fn is_better(&self, other: &Self) -> bool {
+        let on_legs = |alignment: &Self| alignment.legs.iter().flatten().count();
+        let (own, others) = (on_legs(self), on_legs(other));
+        own > others || (own == others && self.misfit < other.misfit)
+    }
 }
 
 /// A figure of some height with its feet on the ground, its centroid above the origin.
@@ -101,6 +114,9 @@ fn reach(shape: &Shape, axis: usize) -> [f64; 2] {
 /// How they may stand alike: as given first.
 fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
     let [of_target, of_source] = [pair.target, pair.source].map(judging);
+    let source_legs = [0, 1, 2].map(|up| levels::legs(&pair.source.mesh, up, 1.0));
+    let target_legs =
+        [1.0, -1.0].map(|sign| [0, 1, 2].map(|axis| levels::legs(&pair.target.mesh, axis, sign)));
     let best = |turn: Turn| {
         let along = |up: usize| {
             // As large as the source is, whichever axis points up.
@@ -109,15 +125,18 @@ fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
             let source = Figure::new(pair.source, UNTURNED, up, high - low);
             let (here, there) = (target.sampled(of_target), source.sampled(of_source));
             let misfit = misfit(here, there, STANDING.normal);
-            Alignment { turn, up, misfit }
+            let (axis, sign) = turn[up];
+            let legs = [target_legs[usize::from(sign < 0.0)][axis], source_legs[up]];
+            Alignment {
+                turn,
+                up,
+                legs,
+                misfit,
+            }
         };
         // Most figures stand along z.
         [1, 0].into_iter().map(along).fold(along(2), |best, other| {
-            if other.misfit < best.misfit {
-                other
-            } else {
-                best
-            }
+            if other.is_better(&best) { other } else { best }
         })
     };
     if pair.constraints.same_axes {
@@ -131,6 +150,34 @@ fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
     found
 }
 
+/// Heights of legs and necks of target and source, ascending, of what is found on both.
+fn common_levels(pair: &Pair<'_>, alignment: &Alignment) -> Vec<[f64; 2]> {
+    let &Alignment { turn, up, legs, .. } = alignment;
+    let mut found: Vec<[f64; 2]> = legs[0]
+        .zip(legs[1])
+        .map(|(t, s)| [t, s])
+        .into_iter()
+        .collect();
+    let extent = |axis: usize| {
+        let [low, high] = reach(pair.source, axis);
+        high - low
+    };
+    let [a, b] = [(up + 1) % 3, (up + 2) % 3];
+    let sideways = if extent(b) > extent(a) { b } else { a };
+    let (axis, sign) = turn[up];
+    let of_target = levels::neck(&pair.target.mesh, axis, sign, turn[sideways].0);
+    let of_source = levels::neck(&pair.source.mesh, up, 1.0, sideways);
+    if let Some((t, s)) = of_target.zip(of_source) {
+        let is_above = found
+            .last()
+            .is_none_or(|[of_target, of_source]| t > *of_target && s > *of_source);
+        if is_above {
+            found.push([t, s]);
+        }
+    }
+    found
+}
+
 /// The target registered onto the source, both figures and the samples that take part.
 fn registered(
     pair: &Pair<'_>,
@@ -138,8 +185,10 @@ fn registered(
     [of_target, of_source]: [&[u32]; 2],
     check: Check<'_>,
 ) -> Result<(Registered, Figure)> {
-    let target = Figure::new(pair.target, alignment.turn, alignment.up, 1.0);
-    let source = Figure::new(pair.source, UNTURNED, alignment.up, 1.0);
+    let up = alignment.up;
+    let mut target = Figure::new(pair.target, alignment.turn, up, 1.0);
+    let source = Figure::new(pair.source, UNTURNED, up, 1.0);
+    levels::stretch(&mut target.places, up, &common_levels(pair, alignment));
     let held = Held {
         graph: pair.target.deformation_graph()?,
         faces: &pair.target.mesh.faces,
