@@ -3,9 +3,10 @@
     python tests/reliability/kills.py [--kills 50] [--scheduler] [--seed 0]
 
 Thirty-four pairs, two bodies to seventeen others. The whole run with its two jobs (--scheduler: the command,
-while a dask scheduler and two workers of their own go on) gets SIGKILL after a random part of the time that
-an undisturbed run takes; every second time it is killed once more before it may finish. Exit status 1 when
-a round ends with fewer pairs or another report.
+while a dask scheduler and two workers of their own go on) gets SIGKILL when it has a random number of the
+results that are left, none to all, and a random part of the time until the next has gone by: so kills fall
+into the run whatever else the machine does. Every second round is killed once more before it may finish.
+Exit status 1 when a round ends with fewer pairs or another report.
 """
 
 import argparse
@@ -16,12 +17,15 @@ import subprocess
 import sys
 import tempfile
 import time
-from contextlib import ExitStack
+from collections import Counter
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
 from sgmds import characters
 
 SOURCES, TARGETS, VERTICES = 2, 17, 120
+PAIRS = SOURCES * TARGETS
+POLL_SECONDS = 0.005
 MANIFEST = """
 options = { method = "paper" }
 [[pairs]]
@@ -70,6 +74,20 @@ def report(folder: Path) -> dict:
     return {name: (folder / name).read_bytes() for name in REPORT}
 
 
+def results(output: Path) -> int:
+    """Lines of the journal, torn ones too."""
+    journal = output / "journal.jsonl"
+    return journal.read_bytes().count(b"\n") if journal.exists() else 0
+
+
+def waited(process, output: Path, count: int) -> float:
+    """Seconds until there are so many results, or the process ends."""
+    begun = time.monotonic()
+    while process.poll() is None and results(output) < count:
+        time.sleep(POLL_SECONDS)
+    return time.monotonic() - begun
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--kills", type=int, default=50)
@@ -77,7 +95,8 @@ def main():
     parser.add_argument("--seed", type=int, default=0)
     options = parser.parse_args()
     choose = random.Random(options.seed)
-    failed = killed = 0
+    failed = 0
+    moments = Counter()
     with ExitStack() as stack:
         home = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         write_bodies(home)
@@ -89,35 +108,44 @@ def main():
             words = ["batch", manifest, "-o", output, "--cache", home / f"cache of {output.name}", *worked_by]
             return started("sgmds.command", *words, *more)
 
+        process = batch(home / "reference")
+        first = waited(process, home / "reference", 1)
+        each = waited(process, home / "reference", PAIRS) / (PAIRS - 1)
         begun = time.monotonic()
-        if batch(home / "reference").wait():
+        if process.wait():
             raise SystemExit("the undisturbed run failed")
-        usual = time.monotonic() - begun
+        last = time.monotonic() - begun
         expected = report(home / "reference")
         for number in range(options.kills):
             output = home / f"round {number}"
             more = []
             for _ in range(1 + number % 2):
-                begun = time.monotonic()
                 process = batch(output, *more)
-                try:
-                    process.wait(choose.uniform(0, usual))
-                    if not more:
-                        # The machine does less besides than during the undisturbed run.
-                        usual = time.monotonic() - begun
-                except subprocess.TimeoutExpired:
+                had = results(output)
+                # After each number of results as likely as after another.
+                count = choose.randrange(PAIRS - had + 1)
+                waited(process, output, had + count)
+                until_next = first if count == 0 else last if had + count == PAIRS else each
+                with suppress(subprocess.TimeoutExpired):
+                    process.wait(choose.uniform(0, until_next))
+                if process.poll() is None:
                     os.killpg(process.pid, signal.SIGKILL)
-                    killed += 1
-                process.wait()
+                    process.wait()
+                    there = results(output)
+                    moment = "first" if there == had else "last" if there == PAIRS else "middle"
+                    moments[moment] += 1
                 more = ["--resume"]
             status = batch(output, "--resume").wait()
             maps = len(list(output.glob("maps/*.npz")))
             remains = [path.name for path in output.rglob(".*") if path.name != ".lock"]
-            whole = maps == SOURCES * TARGETS and not status and report(output) == expected and not remains
+            whole = maps == PAIRS and not status and report(output) == expected and not remains
             failed += not whole
             if not whole:
                 print(f"round {number}: status {status}, {maps} maps, remains {remains}", flush=True)
-    print(f"{options.kills} rounds, {killed} kills, {failed} with something lost or changed")
+    print(
+        f"{options.kills} rounds, {moments.total()} kills: {moments['first']} before a result, "
+        f"{moments['middle']} between two, {moments['last']} after all; {failed} rounds with something lost"
+    )
     return int(failed > 0)
 
 
