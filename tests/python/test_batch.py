@@ -546,6 +546,12 @@ def read(tmp_path, text, **more):
     [
         ("all_against_all = [", "not a TOML file"),
         ("all_against_all = " + "[" * 5000 + "]" * 5000, "nested too deeply"),
+        ("a" + ".a" * 200_000 + " = 1", "line 1 has a key of more than 100 parts"),
+        ("\n[" + "'a' . " * 200_000 + "a]", "line 2 has a key of more than 100 parts"),
+        (PAIR + "landmarks = [[" + "9" * 5000 + ", 1]]", "not a TOML file: .*integer"),
+        ('output = "\\u0000"\n' + EVERYONE, "no name of a file"),
+        (EVERYONE + 'maps = "\\u0000{source}{target}.npz"', "no name of a file"),
+        (f"all_against_all = '{'a' * 100_000}.off'", "all_against_all: File name too long"),
         ("#" * 10_000_001, "10,000,001 bytes, at most 10,000,000 are read"),
         ("", "nothing to do"),
         ("everybody = '*.off'", "unknown key 'everybody'"),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import hashlib
 import itertools
+import re
 import string
 import tomllib
 from collections import Counter
@@ -20,6 +21,10 @@ from ..matching import METHODS, check_method
 MAP_NAME = "maps/{source}--{target}.npz"
 MOST_BYTES = 10**7
 """Of a manifest: some 100,000 listed pairs. In memory it takes a hundred times as much at most."""
+MOST_PARTS = 100
+"""Of a dotted key; reading one takes time with the square of them."""
+_WORD = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
+_LONG_KEY = re.compile(rf"{_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{MOST_PARTS}}}")
 TILE = 8
 """Pairs are done in squares of this many sources and targets, so that few shapes are needed at a time."""
 
@@ -115,8 +120,13 @@ def read_toml(path) -> dict:
     if (size := path.stat().st_size) > MOST_BYTES:
         raise ArgumentError(f"has {size:,} bytes, at most {MOST_BYTES:,} are read: name meshes by patterns")
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        text = path.read_text(encoding="utf-8")
+        if long := _LONG_KEY.search(text):
+            line = text.count("\n", 0, long.start()) + 1
+            raise ArgumentError(f"not a manifest: line {line} has a key of more than {MOST_PARTS} parts")
+        return tomllib.loads(text)
+    except ValueError as error:
+        # Not only its own errors: numbers may have more digits than Python reads.
         raise ArgumentError(f"not a TOML file: {error}") from error
     except RecursionError:
         raise ArgumentError("not a manifest: it is nested too deeply") from None
@@ -124,6 +134,8 @@ def read_toml(path) -> dict:
 
 def within(folder: Path, name: str | Path, anywhere: bool) -> Path:
     """`name` in `folder` (absolute); a name that leads out of it is refused unless `anywhere`."""
+    if "\0" in str(name):
+        raise ArgumentError(f"{str(name)!r} is no name of a file: it has a letter of code 0")
     path = folder / name
     if not anywhere and not path.resolve().is_relative_to(folder.resolve()):
         raise ArgumentError(f"'{name}' leads out of {folder}: choose a place in it, or give --anywhere")
@@ -270,11 +282,14 @@ def _files(home, patterns, where) -> list[Path]:
     for pattern in [patterns] if isinstance(patterns, str) else patterns:
         if not isinstance(pattern, str):
             raise ArgumentError(f"{where}: file names are strings, got {pattern!r}")
-        if (home / pattern).is_file():
-            files.append(home / pattern)
-            continue
-        # Other files may lie beside the meshes that a pattern means.
-        found = [home / p for p in glob.glob(pattern, root_dir=home, recursive=True) if mesh_format(p)]
+        try:
+            if (home / pattern).is_file():
+                files.append(home / pattern)
+                continue
+            # Other files may lie beside the meshes that a pattern means.
+            found = [home / p for p in glob.glob(pattern, root_dir=home, recursive=True) if mesh_format(p)]
+        except OSError as error:
+            raise ArgumentError(f"{where}: {error.strerror}: {pattern!r}") from error
         if not found:
             raise ArgumentError(f"{where}: no mesh file is named {pattern!r}")
         files += sorted(found)
