@@ -541,6 +541,16 @@ def read(tmp_path, text, **more):
     return manifest.read(path, **more)
 
 
+def test_names_that_move_the_cursor_stay_in_the_line_of_a_failure(meshes, cache, tmp_path, capsys):
+    (tmp_path / "red\x1b[31m\nbad.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n")
+    path = tmp_path / "some.toml"
+    path.write_text(f'all_against_all = ["{meshes}/ant.off", "red*.off"]\noptions.method = "paper"')
+    assert main(["batch", str(path), "--jobs", "1", "--cache", str(cache)]) == 1
+    lines = capsys.readouterr().err.splitlines()
+    assert len(lines) == 3 and not any("\x1b" in line for line in lines)
+    assert sum("red\\x1b[31m bad.off" in line for line in lines) == 2
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [

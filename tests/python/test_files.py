@@ -561,6 +561,12 @@ def test_names_that_move_the_cursor_stay_in_their_line(tmp_path, capsys):
     assert "\x1b" not in line and "a\\x1b[31m b.obj" in line
 
 
+def test_a_message_of_any_length_is_shown_with_its_beginning_and_end(tmp_path, capsys):
+    assert main(["evaluate", f"{tmp_path}/{'y' * 1_000_000}"]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert len(line) < 1_100 and line.startswith(f"sgmds: {tmp_path}/yyy") and line.endswith("too long")
+
+
 def limited(code, *arguments, megabytes=4000):
     """Runs Python with a limit of address space: (its output, its peak in MB beyond what importing took)."""
     # The peak that `getrusage` tells is the larger of this program's and of that which started it.

@@ -14,6 +14,7 @@ from typing import Any
 
 from . import __version__, extras
 from .command import CANCELLED
+from .errors import in_one_line
 from .matching import METHODS, PARTS
 from .shape import METRICS, MOST_THREADS
 from .whole_file import whole_file
@@ -50,17 +51,17 @@ def _run(options) -> int:
         return CANCELLED
     except ImportError as error:
         return _fail(extras.missing(error.name) if error.name else str(error))
-    except (sgmds.SgmdsError, OSError) as error:
+    except sgmds.SgmdsError as error:
         return _fail(str(error))
+    except OSError as error:
+        named = error.filename is not None and error.strerror
+        return _fail(f"{error.filename}: {error.strerror}" if named else str(error))
     except MemoryError:
         return _fail("not enough memory: close other programs")
 
 
 def _fail(reason: str) -> int:
-    words = " ".join(reason.split())
-    # A name of a file may hold anything, also what moves a terminal's cursor.
-    shown = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in words)
-    print(f"sgmds: {shown}", file=sys.stderr)
+    print(f"sgmds: {in_one_line(reason)}", file=sys.stderr)
     return 1
 
 
@@ -379,7 +380,7 @@ def _match(options) -> int:
         archive.check_replaceable(path)
     for path, each in zip(paths, found, strict=True):
         each.save(path)
-        print(f"{path}: {len(each.vertices)} vertices, {each.quality.grade}")
+        print(f"{in_one_line(str(path))}: {len(each.vertices)} vertices, {each.quality.grade}")
         for reason in each.quality.reasons:
             print(f"  {reason}")
     if corr.alternative_count and not options.alternatives and corr.quality.grade != "green":
@@ -474,7 +475,8 @@ def _batch(options) -> int:
             **_given(options, "jobs", "threads"),
         )
     grades = ", ".join(f"{count} {grade}" for grade, count in summary["grades"].items() if count)
-    print(f"{summary['folder']}: {summary['done']} of {summary['pairs']} pairs matched ({grades or 'none'})")
+    folder = in_one_line(summary["folder"])
+    print(f"{folder}: {summary['done']} of {summary['pairs']} pairs matched ({grades or 'none'})")
     if summary["failed"]:
         return _fail(f"{summary['failed']} pairs failed: see {summary['folder']}/pairs.csv")
     return 0
@@ -544,7 +546,8 @@ class _PairsBar:
             )
         self._bar.update(done - self._bar.n)
 
-    def tell(self, line: str):
+    def tell(self, words: str):
+        line = in_one_line(words)
         if self._bar is not None:
             self._bar.write(line, file=sys.stderr)
         else:

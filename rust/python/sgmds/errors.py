@@ -1,5 +1,19 @@
 """What can go wrong. Every message ends with what to do."""
 
+BEGINNING, END = 700, 300
+"""Letters of a message that are shown: the file and what is wrong with it come first, what to do last."""
+
+
+def in_one_line(words: str) -> str:
+    """Words as a terminal can show them: no ends of lines, nothing that moves the cursor, not without end.
+
+    Names of files and what is quoted of a file may hold anything.
+    """
+    line = " ".join(words.split())
+    if len(line) > BEGINNING + END:
+        line = f"{line[:BEGINNING]} … {line[-END:]}"
+    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in line)
+
 
 class SgmdsError(Exception):
     """Base of all errors of this package."""
