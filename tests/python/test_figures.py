@@ -218,3 +218,53 @@ def test_what_turns_onto_itself_is_said_and_never_green():
     corr = sgmds.match((vertices, faces), (vertices @ (turn * np.sign(np.linalg.det(turn))).T, faces))
     assert corr.quality.grade != "green"
     assert any("turned about an axis" in reason for reason in corr.quality.reasons)
+
+
+def turned_solid(radius, rings=20, height=2.0, around=60):
+    """A solid of a radius by angle and height in 0…1, and the same turned and renumbered."""
+    rng = np.random.default_rng(5)
+    angle, level = np.meshgrid(2 * np.pi * np.arange(around) / around, np.linspace(0, 1, rings))
+    out = radius(angle, level) * np.ones_like(angle)
+    side = np.stack([out * np.cos(angle), out * np.sin(angle), height * level], axis=2).reshape(-1, 3)
+    vertices = np.concatenate([side, [[0, 0, 0], [0, 0, height]]])
+    i, j = np.arange(around), (np.arange(around) + 1) % around
+    faces = [np.stack([j, i, np.full(around, len(side))], axis=1)]
+    for ring in around * np.arange(rings - 1):
+        faces += [np.stack([ring + i, ring + j, ring + around + i], axis=1)]
+        faces += [np.stack([ring + j, ring + around + j, ring + around + i], axis=1)]
+    top = around * (rings - 1)
+    faces = np.concatenate([*faces, np.stack([top + i, top + j, np.full(around, len(side) + 1)], axis=1)])
+    turn, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    old = rng.permutation(len(vertices))
+    renumbered = np.argsort(old)[faces]
+    return (vertices, faces), (vertices[old] @ (turn * np.sign(np.linalg.det(turn))).T, renumbered), old
+
+
+@pytest.mark.parametrize(
+    ("name", "radius", "height"),
+    [
+        ("propeller", lambda a, z: 1 + 0.5 * np.cos(2 * a) + 0.2 * np.sin(2 * a) * z, 1.0),
+        ("twisted blade", lambda a, z: 1 + 0.5 * np.cos(2 * a + 2 * z), 3.0),
+        ("handle", lambda a, z: 0.3 + 0.1 * np.sin(7 * z) + 0.05 * np.cos(2 * a) * (z > 0.5), 8.0),
+        ("pliers", lambda a, z: 0.1 + (0.2 + 0.6 * z * (1 - z)) * np.abs(np.cos(a)), 5.0),
+    ],
+)
+def test_what_a_half_turn_takes_onto_itself_is_said_and_never_green(name, radius, height):
+    """Their spectra have no equal pairs, as those of prisms have: only how they lie tells."""
+    source, target, _ = turned_solid(radius, height=height)
+    corr = sgmds.match(source, target)
+    assert corr.quality.grade != "green"
+    for role in ("source", "target"):
+        assert any(role in r and "turned about an axis" in r for r in corr.quality.reasons), name
+
+
+def test_bodies_and_solids_with_a_mark_do_not_turn_onto_themselves(slender):
+    """A bump on one blade of a propeller, and not in its middle, tells all turns apart."""
+    bump = turned_solid(
+        lambda a, z: 1 + 0.5 * np.cos(2 * a) + 0.3 * np.exp(-20 * ((a - 2.8) ** 2 + (z - 0.8) ** 2)),
+        height=1.0,
+    )[:2]
+    body = slender.vertices, slender.faces
+    for source, target in (bump, (body, body)):
+        reasons = sgmds.match(source, target).quality.reasons
+        assert not any("turned about an axis" in reason for reason in reasons)

@@ -32,7 +32,7 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
                 "the {role} has only {vertices} vertices: too few to be sure, look at it"
             ));
         }
-        if figure.shape.basis.repeated() > JUDGEMENT.turns_onto_itself {
+        if figure.turns_onto_itself() {
             grade = at_most_amber(grade);
             reasons.push(format!(
                 "the {role} looks the same when it is turned about an axis: which way round it goes cannot be told, \

@@ -10,6 +10,7 @@ mod copies;
 mod judgement;
 mod pull_back;
 pub mod settings;
+mod turning;
 mod worn;
 
 use std::sync::{Arc, OnceLock};
@@ -23,7 +24,7 @@ use crate::algebra::unions::Unions;
 use crate::algebra::vector::{self, Point};
 use crate::envelope::{self, Envelope};
 use crate::error::{Error, Result};
-use crate::figure::settings::FIGURE;
+use crate::figure::settings::{FIGURE, TURNING};
 use crate::geodesics::metric::Metric;
 use crate::matching::{self, Method, Options, match_shapes};
 use crate::mesh::surface_point::SurfacePoint;
@@ -52,6 +53,7 @@ pub struct Figure {
     visible: Option<Vec<f64>>,
     wrapped: Option<Wrapped>,
     surface: OnceLock<Surface>,
+    turns: OnceLock<bool>,
 }
 
 /// The envelope of a figure, and where the figure lies in it.
@@ -167,6 +169,7 @@ impl Figure {
             visible,
             wrapped,
             surface: OnceLock::new(),
+            turns: OnceLock::new(),
         })
     }
 
@@ -240,6 +243,15 @@ impl Figure {
             Some(wrapped) => Ok(&wrapped.surface),
             None => self.given(),
         }
+    }
+
+    /// Whether what is matched is the same after a turn about an axis.
+    fn turns_onto_itself(&self) -> bool {
+        *self.turns.get_or_init(|| {
+            let shape = &self.shape;
+            shape.basis.repeated() > TURNING.repeated
+                || turning::turns_onto_itself(shape.given_mesh())
+        })
     }
 
     /// Number that a given vertex has in what is matched; the nearest one of an envelope.

@@ -167,7 +167,7 @@ fn below(
 }
 
 /// Places spread evenly over the area of a surface, in the order of their faces, and these.
-fn spread(surface: &Surface, count: usize) -> Vec<(Point, u32)> {
+pub(super) fn spread(surface: &Surface, count: usize) -> Vec<(Point, u32)> {
     let areas: Vec<f64> = (0..surface.triangles.len() as u32)
         .map(|t| vector::norm(surface.cross(t)))
         .collect();

@@ -1,0 +1,142 @@
+//! Whether a surface is the same after a turn about an axis, by how it lies.
+//!
+//! Such a turn leaves the centroid and the tensor of second moments alone, so its axis is a principal one wherever the moments
+//! differ. Where two of them are equal, as of prisms of three sides and more, most axes are not found here; eigenvalues of the
+//! Laplace operator then come in pairs, which [`Eigenbasis::repeated`](crate::spectrum::eigenbasis::Eigenbasis::repeated) counts.
+
+use std::f64::consts::TAU;
+
+use faer::{Mat, Side};
+use rayon::prelude::*;
+
+use super::worn::spread;
+use crate::algebra::dense::clearing_registers;
+use crate::algebra::vector::{self, Point};
+use crate::figure::settings::TURNING;
+use crate::mesh::Mesh;
+use crate::transfer::Surface;
+
+/// Turns by a part of a full one that are tried: each group of turns has one of prime order, and what is the same after a
+/// seventh is nearly round.
+const PARTS: [f64; 3] = [2.0, 3.0, 5.0];
+
+/// Whether some turn about a principal axis takes a mesh onto itself.
+pub(super) fn turns_onto_itself(mesh: &Mesh) -> bool {
+    let faces: Vec<[i64; 3]> = mesh.faces.iter().map(|f| f.map(i64::from)).collect();
+    let Ok(surface) = Surface::new(mesh.vertices.clone(), &faces) else {
+        return false;
+    };
+    let Some((centre, axes)) = principal_axes(&surface) else {
+        return false;
+    };
+    let asked = spread(&surface, TURNING.asked);
+    let is_same = |axis: Point, angle: f64| {
+        let mut apart: Vec<f64> = asked
+            .par_iter()
+            .map(|&(place, _)| {
+                let off = vector::sub(place, centre);
+                let turned = vector::add(centre, turned(off, axis, angle));
+                vector::distance(turned, surface.position(&surface.nearest(turned)))
+            })
+            .collect();
+        apart.sort_by(f64::total_cmp);
+        // At unit area.
+        let nearly_all = apart[(TURNING.quantile * (apart.len() - 1) as f64) as usize];
+        apart.iter().sum::<f64>() < TURNING.mean * apart.len() as f64
+            && nearly_all < TURNING.nearly_all
+    };
+    !asked.is_empty()
+        && axes
+            .iter()
+            .any(|&axis| PARTS.iter().any(|part| is_same(axis, TAU / part)))
+}
+
+/// Centroid and principal axes of the area; nothing where there is none.
+fn principal_axes(surface: &Surface) -> Option<(Point, [Point; 3])> {
+    let triangles = 0..surface.triangles.len() as u32;
+    let area = |t: u32| vector::norm(surface.cross(t)) / 2.0;
+    let middle =
+        |[a, b, c]: [Point; 3]| vector::scaled(vector::add(a, vector::add(b, c)), 1.0 / 3.0);
+    let (mut total, mut sum) = (0.0, [0.0; 3]);
+    for t in triangles.clone() {
+        total += area(t);
+        sum = vector::add(sum, vector::scaled(middle(surface.corners(t)), area(t)));
+    }
+    let centre = vector::scaled(sum, 1.0 / total);
+    let mut moments = [[0.0; 3]; 3];
+    for t in triangles {
+        let corners = surface.corners(t).map(|p| vector::sub(p, centre));
+        let middle = middle(corners);
+        // ∫ x xᵀ over a triangle is area · (Σ corners + 9 · middle) / 12, each as its square.
+        for (p, weight) in corners.iter().map(|p| (*p, 1.0)).chain([(middle, 9.0)]) {
+            for (row, x) in moments.iter_mut().zip(p) {
+                *row = vector::add(*row, vector::scaled(p, x * weight * area(t) / 12.0));
+            }
+        }
+    }
+    if !moments.as_flattened().iter().all(|x| x.is_finite()) {
+        return None;
+    }
+    let matrix = Mat::from_fn(3, 3, |i, j| moments[i][j]);
+    let eigen = clearing_registers(|| matrix.self_adjoint_eigen(Side::Lower)).ok()?;
+    let axes = [0, 1, 2].map(|j| [0, 1, 2].map(|i| eigen.U()[(i, j)]));
+    Some((centre, axes))
+}
+
+/// A direction turned about a unit axis, by Rodrigues' formula.
+fn turned(off: Point, axis: Point, angle: f64) -> Point {
+    let along = vector::scaled(axis, vector::dot(axis, off) * (1.0 - angle.cos()));
+    let across = vector::scaled(vector::cross(axis, off), angle.sin());
+    vector::add(vector::scaled(off, angle.cos()), vector::add(across, along))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A box whose sides differ, its corner at `corner` pulled out by some length.
+    fn block(pulled: f64) -> Surface {
+        let mut vertices: Vec<Point> = (0..8)
+            .map(|i| {
+                [
+                    f64::from(i & 1),
+                    1.5 * f64::from(i >> 1 & 1),
+                    2.5 * f64::from(i >> 2),
+                ]
+            })
+            .collect();
+        vertices[7] = vector::add(vertices[7], [pulled; 3]);
+        let sides = [
+            [0, 2, 3, 1],
+            [4, 5, 7, 6],
+            [0, 1, 5, 4],
+            [2, 6, 7, 3],
+            [0, 4, 6, 2],
+            [1, 3, 7, 5],
+        ];
+        let halves = sides
+            .iter()
+            .flat_map(|&[a, b, c, d]| [[a, b, c], [a, c, d]]);
+        Surface::new(vertices, &halves.collect::<Vec<[i64; 3]>>()).unwrap()
+    }
+
+    #[test]
+    fn axes_of_a_box_are_its_own() {
+        let (centre, axes) = principal_axes(&block(0.0)).unwrap();
+        assert!(vector::distance(centre, [0.5, 0.75, 1.25]) < 1e-12);
+        for axis in axes {
+            // The two diagonals of a side, of which one is an edge, weigh alike: nothing but rounding is left.
+            let largest = axis.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
+            assert!((largest - 1.0).abs() < 1e-12, "{axis:?}");
+        }
+    }
+
+    #[test]
+    fn a_fifth_of_a_turn_comes_back_after_five() {
+        let axis = vector::normalised([1.0, 2.0, -0.5]);
+        let start = [0.3, -1.2, 2.0];
+        let after = |turns: usize| (0..turns).fold(start, |p, _| turned(p, axis, TAU / 5.0));
+        assert!(vector::distance(after(5), start) < 1e-14);
+        assert!(vector::distance(after(1), start) > 1.0);
+    }
+}
