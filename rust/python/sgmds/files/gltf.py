@@ -20,6 +20,9 @@ from .source import Source, amount
 _JSON, _BIN = b"JSON", b"BIN\0"
 _JSON_FACTOR = 30
 """Bytes that Python takes for each byte of JSON at most: an empty object, "{},", has three and takes 72."""
+_TEXT_FACTOR, _MARK_BYTES = 3, 170
+"""The same of words and numbers alone, as bytes and twice as text; and what each mark between them takes: an
+object of one name takes 232 and has two, of more names less for each."""
 _KINDS = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
 _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4, "MAT4": 16}
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
@@ -29,6 +32,8 @@ _NODE_BYTES, _PART_BYTES = 500, 300
 """What a node and a piece take beside the description: matrices and entries of tables."""
 _PARTS = 10_000
 """Pieces between two looks at what is held."""
+_SETS = 16
+"""Of four joints and weights for each vertex; games use one, films up to four."""
 _ROUNDING = 1e-5
 """By which products of matrices in single precision may differ, over their largest entry."""
 _PACKED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
@@ -86,7 +91,7 @@ class _File:
             raise ValueError(
                 f"it should have {amount(length)} and has {amount(source.size)}; it may be cut short"
             )
-        text, self._bin = b"", (0, 0)
+        text, self._bin, self.held = b"", (0, 0), 0
         place = 12
         while place + 8 <= length:
             source.seek(place)
@@ -96,12 +101,13 @@ class _File:
             if place + size > length:
                 raise ValueError(f"its part {kind!r} should have {amount(size)}; it may be cut short")
             if kind == _JSON and not text:
-                source.allow(_JSON_FACTOR * size, "the descriptions of its scene")
                 text = source.read(size)
+                marks = sum(map(text.count, (b",", b":", b"{", b"[")))
+                self.held = min(_JSON_FACTOR * size, _TEXT_FACTOR * size + _MARK_BYTES * marks)
+                source.allow(self.held, "the descriptions of its scene")
             elif kind == _BIN and not self._bin[1]:
                 self._bin = place, size
             place += size
-        self.held = _JSON_FACTOR * len(text)
         try:
             self._tree = json.loads(text)
         except RecursionError:
@@ -109,6 +115,7 @@ class _File:
         if not isinstance(self._tree, dict):
             raise ValueError("the description of its scene is no object; it is damaged")
         self._embedded: dict[int, bytes] = {}
+        self._shown: dict[int, list[tuple[dict, int, int]]] = {}
         self._skins: dict[int, np.ndarray] = {}
 
     # What the description says, each time checked.
@@ -151,17 +158,24 @@ class _File:
             mesh = self._at("meshes", node["mesh"], of)
             joints = self._joints(node["skin"], worlds, of) if "skin" in node else None
             name = str(node.get("name", mesh.get("name", "")))
-            yield from self._primitives(mesh, number, name, world, joints)
+            yield from self._primitives(node["mesh"], number, name, world, joints)
         if not worlds:
             # A library of meshes without a scene.
             for number in range(len(self._list("meshes"))):
                 mesh = self._at("meshes", number, "it")
-                yield from self._primitives(mesh, number, str(mesh.get("name", "")), np.eye(4), None)
+                yield from self._primitives(number, number, str(mesh.get("name", "")), np.eye(4), None)
 
     def _primitives(
-        self, mesh: dict, node: int, name: str, world: np.ndarray, joints: np.ndarray | None
+        self, mesh: int, node: int, name: str, world: np.ndarray, joints: np.ndarray | None
     ) -> Iterator[_Part]:
-        of = f"a mesh of its node {node}"
+        if mesh not in self._shown:
+            # Once, however many nodes show it.
+            self._shown[mesh] = list(self._surfaces(self._list("meshes")[mesh], f"a mesh of its node {node}"))
+        for primitive, vertices, faces in self._shown[mesh]:
+            yield _Part(primitive, node, name, world, joints, vertices, faces)
+
+    def _surfaces(self, mesh: dict, of: str) -> Iterator[tuple[dict, int, int]]:
+        """Primitives of a mesh that have triangles, and how many vertices and triangles."""
         primitives = mesh.get("primitives", [])
         for primitive in primitives if isinstance(primitives, list) else []:
             mode = primitive.get("mode", _TRIANGLES)
@@ -178,8 +192,7 @@ class _File:
                 corners = self._count(self._at("accessors", primitive["indices"], of), of)
             if mode == _TRIANGLES and corners % 3:
                 raise ValueError(f"{of} has {corners} corners, which are no whole triangles; it is damaged")
-            faces = corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)
-            yield _Part(primitive, node, name, world, joints, count, faces)
+            yield primitive, count, corners // 3 if mode == _TRIANGLES else max(corners - 2, 0)
 
     def _worlds(self) -> dict[int, np.ndarray]:
         """Each node of the scene, parents first, and its (4, 4) matrix to the world."""
@@ -222,7 +235,7 @@ class _File:
         self._source.allow(self.held + 3 * 128 * len(joints), f"the {len(joints):,} joints of {of}")
         matrices = np.stack([worlds[joint] for joint in joints]) if joints else np.zeros((0, 4, 4))
         if "inverseBindMatrices" in skin:
-            inverse = self._whole(skin["inverseBindMatrices"], "MAT4", len(joints), of)
+            inverse = self._rows(skin["inverseBindMatrices"], "MAT4", len(joints), of)
             # Stored column by column.
             matrices = matrices @ inverse.reshape(-1, 4, 4).transpose(0, 2, 1)
         self.held += matrices.nbytes
@@ -329,17 +342,21 @@ class _File:
         data = self._bytes(values["bufferView"], values.get("byteOffset", 0), count * size, of)
         return changed, np.frombuffer(data, kind).reshape(count, columns)
 
-    def _whole(self, number: Any, width: str, least: int, of: str) -> np.ndarray:
-        """All rows of an accessor as float64."""
+    def _rows(self, number: Any, width: str, wanted: int, of: str) -> np.ndarray:
+        """The first rows of an accessor as float64."""
         count = self._count(self._at("accessors", number, of), of)
-        if count < least:
+        if count < wanted:
             raise ValueError(
-                f"{of} needs {least} rows of accessor {number}, which has {count}; it is damaged"
+                f"{of} needs {wanted} rows of accessor {number}, which has {count}; it is damaged"
             )
-        self._source.allow(self.held + 8 * count * _WIDTHS[width], f"the numbers of {of}")
-        return np.concatenate(
-            [np.zeros((0, _WIDTHS[width])), *(b for _, b in self._blocks(number, width, of))]
-        )[:least]
+        self._source.allow(self.held + 8 * wanted * _WIDTHS[width], f"the numbers of {of}")
+        rows = np.zeros((wanted, _WIDTHS[width]))
+        for first, block in self._blocks(number, width, of):
+            # There may be any number more.
+            if first >= wanted:
+                break
+            rows[first : first + len(block)] = block[: wanted - first]
+        return rows
 
     # Geometry.
 
@@ -379,9 +396,9 @@ class _File:
     def _pose(self, part: _Part, skin: np.ndarray, vertices: np.ndarray) -> None:
         """Places vertices by linear blend skinning: the mean of where their joints carry them, by weights."""
         attributes = part.primitive["attributes"]
-        sets = [
-            k for k in range(len(attributes)) if f"JOINTS_{k}" in attributes and f"WEIGHTS_{k}" in attributes
-        ]
+        if f"JOINTS_{_SETS}" in attributes:
+            raise ValueError(f"a mesh has more than {4 * _SETS} joints a vertex: limit them in the export")
+        sets = [k for k in range(_SETS) if f"JOINTS_{k}" in attributes and f"WEIGHTS_{k}" in attributes]
         readers = []
         for number in (attributes[f"{word}_{k}"] for word in ("JOINTS", "WEIGHTS") for k in sets):
             if self._count(self._at("accessors", number, "a mesh"), "a mesh") != part.vertex_count:

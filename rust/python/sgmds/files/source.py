@@ -14,11 +14,13 @@ from typing import Any
 from .. import memory
 from ..errors import NotEnoughMemory
 
-FACTOR = 12
-"""Bytes that reading may hold for each byte of the file. The shortest triangle of a text, "f 1 2 3" with its
-line end, has 8 bytes; its corners take 24, as many as the triangle that is made of them."""
-BASE = 200 * 10**6
-"""Bytes that reading may hold whatever the size of the file."""
+FACTOR = 11
+"""Bytes of what is read that may be held for each byte of the file. The shortest triangle of a text, with its
+line end "f 1 2 3" has 8 bytes; its corners take 24, as many as the triangle that is made of them."""
+BASE = 140 * 10**6
+"""The same whatever the size of the file. With both, memory stays below 12 times the file and 200 MB: arrays
+take a sixteenth more than is in them while they grow, and the places that they leave 32 MB; the words of a
+block that is looked at take some 20 MB."""
 BLOCK = 2**20
 """Bytes of a file that are looked at together."""
 WORDS_FACTOR = 36
