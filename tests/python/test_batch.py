@@ -278,6 +278,33 @@ def test_an_interrupt_at_any_time_is_one_line(meshes, tmp_path, loaded):
     assert (process.returncode, words) in ((130, "cancelled\n"), (0, ""))
 
 
+@pytest.mark.parametrize("later", [0.0, 0.1, 0.2])
+def test_an_interrupt_while_workers_load_is_one_line(meshes, tmp_path, later):
+    """A worker that loads packages hears nothing of Ctrl-C, and that its work will not come is no failure."""
+    path = everyone(meshes, tmp_path)
+    command = [sys.executable, "-m", "sgmds.command", "batch", str(path), "--jobs", "2"]
+    process = subprocess.Popen(
+        [*command, "--cache", str(tmp_path / "cache")],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+
+    def is_loading():
+        with contextlib.suppress(OSError):
+            children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
+            return any("numpy/core" in Path(f"/proc/{child}/maps").read_text() for child in children)
+        return False
+
+    while process.poll() is None and not is_loading():
+        time.sleep(0.002)
+    time.sleep(later)
+    with contextlib.suppress(ProcessLookupError):
+        os.killpg(process.pid, signal.SIGINT)
+    _, words = process.communicate(timeout=60)
+    assert (process.returncode, words) in ((130, "cancelled\n"), (0, ""))
+
+
 def test_a_full_disk_ends_in_words(meshes, tmp_path):
     path = everyone(meshes, tmp_path)
     code = "import resource, sys; resource.setrlimit(resource.RLIMIT_FSIZE, (2000,) * 2); "

@@ -5,8 +5,10 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import signal
+import threading
 from collections import deque
 from collections.abc import Iterable, Iterator
+from multiprocessing import resource_tracker
 from multiprocessing.connection import wait
 from typing import Any
 
@@ -89,14 +91,23 @@ class _Process:
 @contextlib.contextmanager
 def _interrupts_held_back():
     """Ctrl-C is heard at the end of the block; a process begun in it never hears it."""
-    if not hasattr(signal, "pthread_sigmask"):
+    if not hasattr(signal, "pthread_sigmask") or threading.current_thread() is not threading.main_thread():
         yield
         return
+    # Which the first process begins, and which lets interrupts through again.
+    resource_tracker.ensure_running()
+    interrupts = []
+    # Any thread of another library may take the signal, so blocking it in this one, which the new process
+    # inherits, is not enough.
+    heard = signal.signal(signal.SIGINT, lambda *_: interrupts.append(True))
     before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        signal.signal(signal.SIGINT, heard)
+    if interrupts:
+        raise KeyboardInterrupt
 
 
 def serve(pipe, settings):
@@ -107,7 +118,8 @@ def serve(pipe, settings):
     while True:
         try:
             task = pipe.recv()
-        except EOFError:
+        except (EOFError, OSError):
+            # Closed, perhaps before everything was sent that is waited for.
             return
         outcome = worker.match(task)
         try:
