@@ -601,7 +601,7 @@ def test_a_small_file_that_unpacks_to_much_is_refused_with_the_number(tmp_path):
         with open(path, "wb") as file:
             file.writelines(packer.compress(block) for _ in range(50))
             file.write(packer.flush())
-        allowed = (12 * path.stat().st_size + 20e6) / 1e6
+        allowed = (source.FACTOR * path.stat().st_size + 20e6) / 1e6
         code = "source.BASE = 20_000_000\n"
         code += "try: read_mesh(sys.argv[1])\nexcept MeshError as error: print(error)"
         words, peak = limited(code, path)
