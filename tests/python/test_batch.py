@@ -568,6 +568,28 @@ def read(tmp_path, text, **more):
     return manifest.read(path, **more)
 
 
+@pytest.mark.filterwarnings("error:Glyph")
+@pytest.mark.parametrize("name", ["a$\\bad{$b", "モデル", "a\x1b\nb"])
+def test_a_name_of_any_letters_is_in_tables_and_picture(meshes, cache, tmp_path, capfd, name):
+    (tmp_path / f"{name}.off").write_bytes((meshes / "bee.off").read_bytes())
+    path = tmp_path / "some.toml"
+    path.write_text(f'all_against_all = ["{meshes}/ant.off", "*.off"]\noptions.method = "paper"')
+    assert main(["batch", str(path), "--jobs", "1", "--cache", str(cache)]) == 0
+    assert capfd.readouterr().err == ""
+    assert {row["source"] for row in table(tmp_path / "some" / "pairs.csv")} == {"ant", name}
+    assert (tmp_path / "some" / "distances.png").stat().st_size > 1000
+
+
+def test_a_name_that_is_no_text_is_refused(meshes, tmp_path, capsys):
+    place = os.fsencode(tmp_path) + b"/a\xffb.off"
+    Path(os.fsdecode(place)).write_bytes((meshes / "bee.off").read_bytes())
+    path = tmp_path / "some.toml"
+    path.write_text(f'all_against_all = ["{meshes}/ant.off", "*.off"]')
+    assert main(["batch", str(path)]) == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert "a\\xdcffb.off: has a name that is no UTF-8: rename it" in line
+
+
 def test_names_that_move_the_cursor_stay_in_the_line_of_a_failure(meshes, cache, tmp_path, capsys):
     (tmp_path / "red\x1b[31m\nbad.off").write_text("OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n")
     path = tmp_path / "some.toml"

@@ -302,6 +302,11 @@ def _names(files: list[Path]) -> dict[Path, str]:
     for file, name in short.items():
         if not name.strip("."):
             raise ArgumentError(f"{file}: has no name before its ending: rename it")
+        try:
+            str(file).encode()
+        except UnicodeEncodeError as error:
+            # Journal and tables could not say it.
+            raise ArgumentError(f"{file}: has a name that is no UTF-8: rename it") from error
     if len(set(short.values())) == len(files):
         return short
     parts = [f.parent.parts for f in files]
