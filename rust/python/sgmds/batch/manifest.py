@@ -21,8 +21,8 @@ from ..matching import METHODS, check_method
 MAP_NAME = "maps/{source}--{target}.npz"
 MOST_BYTES = 10**7
 """Of a manifest: some 100,000 listed pairs. In memory it takes a hundred times as much at most."""
-MOST_PARTS = 100
-"""Of a dotted key; reading one takes time with the square of them."""
+MOST_PARTS = 20
+"""Of a dotted key, of which none here has more than two; reading one takes time with the square of them."""
 _WORD = r"""(?:(?<![\w-])[\w-]++|"[^"\n]*+"|'[^'\n]*+')"""
 _LONG_KEY = re.compile(rf"{_WORD}(?:[ \t]*+\.[ \t]*+{_WORD}){{{MOST_PARTS}}}")
 TILE = 8
