@@ -605,7 +605,7 @@ def test_names_that_move_the_cursor_stay_in_the_line_of_a_failure(meshes, cache,
     [
         ("all_against_all = [", "not a TOML file"),
         ("all_against_all = " + "[" * 5000 + "]" * 5000, "nested too deeply"),
-        ("a" + ".a" * 200_000 + " = 1", "line 1 has a key of more than 20 parts"),
+        ("a" + ".a" * 200_000 + " = 1", "toml: not a manifest: line 1 has a key of more than 20 parts"),
         ("\n[" + "'a' . " * 200_000 + "a]", "line 2 has a key of more than 20 parts"),
         (PAIR + "landmarks = [[" + "9" * 5000 + ", 1]]", "not a TOML file: .*integer"),
         ('output = "\\u0000"\n' + EVERYONE, "no name of a file"),

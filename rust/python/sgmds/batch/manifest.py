@@ -121,15 +121,15 @@ def read_toml(path) -> dict:
         raise ArgumentError(f"has {size:,} bytes, at most {MOST_BYTES:,} are read: name meshes by patterns")
     try:
         text = path.read_text(encoding="utf-8")
-        if long := _LONG_KEY.search(text):
-            line = text.count("\n", 0, long.start()) + 1
-            raise ArgumentError(f"not a manifest: line {line} has a key of more than {MOST_PARTS} parts")
-        return tomllib.loads(text)
+        if not (long := _LONG_KEY.search(text)):
+            return tomllib.loads(text)
     except ValueError as error:
         # Not only its own errors: numbers may have more digits than Python reads.
         raise ArgumentError(f"not a TOML file: {error}") from error
     except RecursionError:
         raise ArgumentError("not a manifest: it is nested too deeply") from None
+    line = text.count("\n", 0, long.start()) + 1
+    raise ArgumentError(f"not a manifest: line {line} has a key of more than {MOST_PARTS} parts")
 
 
 def within(folder: Path, name: str | Path, anywhere: bool) -> Path:
