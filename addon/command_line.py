@@ -195,7 +195,10 @@ def _write_whole(path, text):
 
 
 def _tell(words):
-    sys.stderr.write(f"spectral_match: {words}\n")
+    # Names of objects and files may hold anything, also what moves a terminal's cursor.
+    line = " ".join(words.split())
+    shown = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in line)
+    sys.stderr.write(f"spectral_match: {shown}\n")
     sys.stderr.flush()
 
 

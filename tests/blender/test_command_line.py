@@ -188,6 +188,11 @@ def test_batch_matches_transfers_and_saves(pair, tmp_path, capsys):
         (["batch", "--manifest", "m.toml", "--resume", "--overwrite"], 2, "--overwrite"),
         (["match", "--source", "S", "--target", "T", "--output", "x.blend", "--folder", "x"], 2, "--folder"),
         (["match", "--manifest", "m.toml", "--keep-source"], 2, "--keep-source"),
+        (
+            ["match", "--source", "No\x1b[2J\nbody", "--target", "Target", "--output", "x.blend"],
+            1,
+            "No\\x1b[2J body",
+        ),
         (["fly"], 2, "invalid choice"),
     ],
 )
