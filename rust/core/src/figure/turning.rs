@@ -96,7 +96,7 @@ mod tests {
 
     /// A box whose sides differ.
     fn block() -> Surface {
-        let vertices: Vec<Point> = (0..8)
+        let vertices: Vec<Point> = (0..8_i32)
             .map(|i| {
                 [
                     f64::from(i & 1),
