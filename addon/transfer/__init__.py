@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What can be carried over: a module for each kind of data, its `KIND` listed in `KINDS`."""
 
+from __future__ import annotations
+
 import re
+from collections.abc import Generator, Iterable, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty
 
 from .. import completion, mesh_read, stored_match
 from ..mesh_read import UnusableObjectError
+from ..typed import Chosen, Options
 from . import (
     armatures,
     attributes,
@@ -70,7 +75,7 @@ OVER_ALL = (vertex_groups.KIND, shape_keys.KIND, *OF_FIGURES)
 FIGURE = re.compile(r"(?<![\w'.])\d+(?:\.\d+)?(?![\w'])")
 
 # These classes only bring properties to the property group or operator that inherits them.
-TransferOptions = type(
+TransferOptions: Any = type(
     "TransferOptions",
     (),
     {
@@ -78,7 +83,7 @@ TransferOptions = type(
         "__annotations__": {name: made for kind in KINDS for name, made in kind.options.items()},
     },
 )
-TransferKinds = type(
+TransferKinds: Any = type(
     "TransferKinds",
     (),
     {
@@ -91,7 +96,7 @@ TransferKinds = type(
         },
     },
 )
-TransferChoice = type(
+TransferChoice: Any = type(
     "TransferChoice",
     (),
     {
@@ -108,7 +113,7 @@ TransferChoice = type(
 
 
 # For the operator, each run of which begins with the defaults.
-TransferAdjustments = type(
+TransferAdjustments: Any = type(
     "TransferAdjustments",
     (),
     {
@@ -124,16 +129,16 @@ TransferAdjustments = type(
 )
 
 
-def checked(settings):
+def checked(settings: Options) -> Chosen:
     """The choice made in the panel, for `carry_all`."""
 
-    def chosen(kind, name):
+    def chosen(kind: Kind, name: str) -> bool:
         return getattr(settings, f"use_{kind.identifier}") and not settings.skips(kind.identifier, name)
 
     return chosen
 
 
-def names_of(kind, sources):
+def names_of(kind: Kind, sources: Sequence[bpy.types.Object]) -> list[str]:
     """What these meshes of a source have of a kind, each name once."""
     if kind is companions.KIND:
         return list(dict.fromkeys(obj.name for obj in companions.hanging_on(sources)))
@@ -144,22 +149,24 @@ def names_of(kind, sources):
 class Carried:
     """What a transfer brought: names by the identifier of their kind, and words for the artist."""
 
-    names: dict = field(default_factory=dict)
-    notes: list = field(default_factory=list)
+    names: dict[str, list[str]] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
 
-    def add(self, other):
+    def add(self, other: Carried) -> None:
         """Count what another transfer brought too; a name counts once."""
         for kind, names in other.names.items():
             self.names[kind] = list(dict.fromkeys([*self.names.get(kind, ()), *names]))
         self.notes += other.notes
 
-    def summary(self):
+    def summary(self) -> str:
         """Words such as "41 groups, 1 UV map, rig", in the order of the panel."""
         found = [(kind, len(self.names.get(kind.identifier, ()))) for kind in KINDS]
         return ", ".join(kind.counted(count) for kind, count in found if count)
 
 
-def carry_all(targets, name, options, chosen):
+def carry_all(
+    targets: Sequence[bpy.types.Object], name: str, options: Options, chosen: Chosen
+) -> Generator[tuple[float, str], None, Carried]:
     """Carry to the meshes of a target all names for which `chosen(kind, name)` holds. All were matched with
     the same source, of which messages speak by this name if it has several.
 
@@ -205,11 +212,11 @@ def carry_all(targets, name, options, chosen):
         return brought
 
 
-def said_once(said):
+def said_once(said: Iterable[tuple[bpy.types.Object, str]]) -> list[str]:
     """Words about meshes, in pairs (mesh, words): what is the same of several, but for its figures, is said
     once, of the one with the largest figures and how many more there are.
     """
-    told = {}
+    told: dict[str, list[tuple[tuple[float, ...], str, str]]] = {}
     for obj, words in said:
         words = words.replace(f"'{obj.name}'", "\0")
         figures = tuple(map(float, FIGURE.findall(words)))
@@ -222,14 +229,14 @@ def said_once(said):
     return notes
 
 
-def others(many):
+def others(many: int) -> str:
     """Words after the name of a mesh that stands for so many others too."""
     if many == 0:
         return ""
     return " and 1 more mesh" if many == 1 else f" and {many} more meshes"
 
 
-def _wanted(route, chosen):
+def _wanted(route: Route, chosen: Chosen) -> dict[str, list[str]]:
     """Chosen names by kind: what belongs to the whole figure, else what the pieces have that answer."""
     wanted = {}
     for kind in KINDS:
@@ -241,7 +248,7 @@ def _wanted(route, chosen):
     return wanted
 
 
-def _settle_names(route, options):
+def _settle_names(route: Route, options: Options) -> None:
     """Under which names the target gets what is carried."""
     route.sides = partners.sides(route, options)
     maps = route.wanted[uv_maps.KIND.identifier]
@@ -250,7 +257,9 @@ def _settle_names(route, options):
     _check_twins(route)
 
 
-def _prepare(routes, figure, options, brought):
+def _prepare(
+    routes: Sequence[Route], figure: Route, options: Options, brought: Carried
+) -> Generator[tuple[float, str], None, list[tuple[bpy.types.Object, str]]]:
     """Have every kind prepare what it carries: to each mesh, or to the whole figure at once.
 
     A generator as `carry_all`, of pairs of a mesh and why it does not get something.
@@ -277,7 +286,9 @@ def _prepare(routes, figure, options, brought):
     return refused
 
 
-def _standing(sources, targets):
+def _standing(
+    sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]
+) -> list[bpy.types.Object]:
     """All bodies with their rigs, what they are mirrored about and what hangs on them."""
     bodies = [*sources, *targets]
     moving = [rig for body in bodies for rig in rigs(body)]
@@ -285,7 +296,7 @@ def _standing(sources, targets):
     return [*bodies, *moving, *mirrors, *companions.hanging_on(sources), *companions.hanging_on(targets)]
 
 
-def _halves(route):
+def _halves(route: Route) -> list[str]:
     """A note when a modifier adds a half to the target, by whose surface no objects can be placed."""
     if not (route.wanted[companions.KIND.identifier] and route.target_mirrors):
         return []
@@ -296,7 +307,7 @@ def _halves(route):
     ]
 
 
-def _check_twins(route):
+def _check_twins(route: Route) -> None:
     """Raise `UnusableObjectError` for a vertex group and an attribute of one name.
 
     Blender makes the group beside the attribute, but no attribute beside the group, which is written first.

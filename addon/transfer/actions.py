@@ -1,10 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Actions of an ID: which there are, copies of them for the target, and animation carried curve by curve."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from typing import Any
+
 import bpy
 import numpy as np
 
 from .copies import MADE_FROM, ORIGINAL, copied
+
+# What has an action: the animation of an ID, or a strip of it.
+ActionUser = bpy.types.AnimData | bpy.types.NlaStrip
+CurvesByPath = dict[tuple[str, int], bpy.types.FCurve]
+PathOf = Callable[[str], str | None]
 
 # Of every key of a curve: values in pairs, plain numbers, and choices, which are numbers to `foreach_get`.
 KEY_PAIRS = ("co", "handle_left", "handle_right")
@@ -22,12 +32,12 @@ STRIP_SETTINGS = (
 )  # fmt: skip
 
 
-def actions_of(holder):
+def actions_of(holder: bpy.types.ID) -> list[bpy.types.Action]:
     """Actions that animate an ID, in its NLA strips too, each once."""
     return list(dict.fromkeys(user.action for user in action_users(holder) if user.action is not None))
 
 
-def own_actions(holder, actions):
+def own_actions(holder: bpy.types.ID, actions: Iterable[bpy.types.Action]) -> list[bpy.types.Action]:
     """Exchange these actions of an ID for copies; returns the copies."""
     made = {action: copied(action) for action in actions}
     for user in action_users(holder):
@@ -39,13 +49,13 @@ def own_actions(holder, actions):
     return list(made.values())
 
 
-def action_users(holder):
+def action_users(holder: bpy.types.ID) -> list[ActionUser]:
     """What of an ID's animation has an action: itself and its NLA strips."""
     held = holder.animation_data
     return [] if held is None else [held, *(strip for track in held.nla_tracks for strip in track.strips)]
 
 
-def curve_lists(action, slot=None):
+def curve_lists(action: bpy.types.Action, slot: Any = None) -> list[Any]:
     """The lists that hold an action's curves: all, or those of a slot, which there are from Blender 4.4."""
     if not hasattr(action, "layers"):
         return [action.fcurves]
@@ -58,7 +68,7 @@ def curve_lists(action, slot=None):
     ]
 
 
-def curves_used(user):
+def curves_used(user: ActionUser) -> list[bpy.types.FCurve]:
     """The curves by which an ID's animation, or a strip of it, moves the ID."""
     slot = getattr(user, "action_slot", None)
     if user.action is None or (hasattr(user, "action_slot") and slot is None):
@@ -66,14 +76,16 @@ def curves_used(user):
     return [curve for curves in curve_lists(user.action, slot) for curve in curves]
 
 
-def give_action(user, action, slot):
+def give_action(user: ActionUser, action: bpy.types.Action, slot: Any) -> None:
     """Let an animation or strip use an action, by the slot that is there called as `slot`."""
     user.action = action
     if slot is not None:
         user.action_slot = action.slots[slot.identifier]
 
 
-def carry_animation(given, own, path_of, target):
+def carry_animation(
+    given: bpy.types.ID, own: bpy.types.ID, path_of: PathOf, target: bpy.types.Object
+) -> None:
     """Give an ID copies of another one's animated properties: `path_of(path)` is the own path, or None.
 
     Curves of the same paths are replaced in an action that was made so before; one of the artist is copied,
@@ -92,17 +104,20 @@ def carry_animation(given, own, path_of, target):
     _carry_tracks(given.animation_data, held, path_of, own, target)
 
 
-def _wanted(user, path_of):
+def _wanted(user: ActionUser | None, path_of: PathOf) -> CurvesByPath:
     """The curves of a user of an action, by their own path and place in it."""
-    found = {}
-    for curve in curves_used(user) if user is not None else ():
+    found: CurvesByPath = {}
+    curves: list[bpy.types.FCurve] = [] if user is None else curves_used(user)
+    for curve in curves:
         path = path_of(curve.data_path)
         if path is not None:
             found[path, curve.array_index] = curve
     return found
 
 
-def _curves_of(held, original, own, target):
+def _curves_of(
+    held: bpy.types.AnimData, original: bpy.types.Action, own: bpy.types.ID, target: bpy.types.Object
+) -> tuple[bpy.types.Action, Any]:
     """An action of the target's own, made from another one, and the list of its curves for this ID."""
     before, slot = held.action, getattr(held, "action_slot", None)
     if before is not None and MADE_FROM in before and before.users == 1:
@@ -117,7 +132,7 @@ def _curves_of(held, original, own, target):
     return action, _curve_list(held, action, own)
 
 
-def _curve_list(user, action, own):
+def _curve_list(user: ActionUser, action: bpy.types.Action, own: bpy.types.ID) -> Any:
     """The list of an action's curves for an ID, made where it is missing."""
     if not hasattr(action, "layers"):
         return action.fcurves
@@ -128,11 +143,11 @@ def _curve_list(user, action, own):
     return strip.channelbag(slot, ensure=True).fcurves
 
 
-def _mark(action, original):
+def _mark(action: bpy.types.Action, original: bpy.types.Action) -> None:
     action[MADE_FROM], action[ORIGINAL] = original.name, original
 
 
-def _fill(curves, wanted):
+def _fill(curves: Any, wanted: CurvesByPath) -> None:
     """Put copies of these curves into a list, in place of those of their paths."""
     for curve in [curve for curve in curves if (curve.data_path, curve.array_index) in wanted]:
         curves.remove(curve)
@@ -140,7 +155,7 @@ def _fill(curves, wanted):
         copy_keys(curve, curves.new(path, index=index))
 
 
-def copy_keys(curve, own):
+def copy_keys(curve: bpy.types.FCurve, own: bpy.types.FCurve) -> None:
     """Keys, settings and modifiers of a curve for another one, which is empty."""
     _set_alike(own, curve, CURVE_SETTINGS)
     own.keyframe_points.add(len(curve.keyframe_points))
@@ -157,13 +172,19 @@ def copy_keys(curve, own):
                 setattr(made, prop.identifier, getattr(modifier, prop.identifier))
 
 
-def _copy_values(points, own, name, width, number):
+def _copy_values(points: Any, own: Any, name: str, width: int, number: type[np.generic]) -> None:
     values = np.empty(len(points) * width, number)
     points.foreach_get(name, values)
     own.foreach_set(name, values)
 
 
-def _carry_tracks(given, held, path_of, own, target):
+def _carry_tracks(
+    given: bpy.types.AnimData | None,
+    held: bpy.types.AnimData,
+    path_of: PathOf,
+    own: bpy.types.ID,
+    target: bpy.types.Object,
+) -> None:
     """NLA tracks with copies of the strips that move what is carried, in place of those made before."""
     made_before = [
         track
@@ -190,7 +211,7 @@ def _carry_tracks(given, held, path_of, own, target):
             _set_alike(own_strip, strip, STRIP_SETTINGS)
 
 
-def copy_tracks(given, held):
+def copy_tracks(given: bpy.types.AnimData, held: bpy.types.AnimData) -> None:
     """Give an ID's animation the action and tracks of another one's."""
     _set_alike(held, given, BLENDING)
     if given.action is not None:
@@ -203,12 +224,12 @@ def copy_tracks(given, held):
             _set_alike(own_strip, strip, STRIP_SETTINGS)
 
 
-def _new_track(held, track):
+def _new_track(held: bpy.types.AnimData, track: bpy.types.NlaTrack) -> bpy.types.NlaTrack:
     made = held.nla_tracks.new()
     _set_alike(made, track, TRACK_SETTINGS)
     return made
 
 
-def _set_alike(own, given, settings):
+def _set_alike(own: Any, given: Any, settings: Iterable[str]) -> None:
     for setting in settings:
         setattr(own, setting, getattr(given, setting))

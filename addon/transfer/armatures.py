@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The source's rig, fitted to the target: each joint placed by the surface around it."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
@@ -11,6 +15,7 @@ from mathutils import Matrix, Vector
 
 from .. import character
 from ..mesh_read import UnusableObjectError
+from ..typed import EnumItem, Options
 from . import hung
 from .actions import actions_of, own_actions
 from .constraints import fit_constraints, settle
@@ -23,6 +28,10 @@ from .rest_poses import Fitting
 from .retarget import TRANSFORMS, fit_actions, keep_actions
 from .sides import rename
 from .weights import armature_modifiers, read_weights, rigs
+
+if TYPE_CHECKING:
+    from .joints import Placed
+    from .route import Route
 
 # Blender deletes bones up to 1e-6 long.
 SHORTEST_BONE = 2e-6
@@ -41,11 +50,11 @@ AFTER_ARMATURE = frozenset(
 )
 
 
-def names(source):
+def names(source: bpy.types.Object) -> list[str]:
     return list(dict.fromkeys(rig.name for rig in rigs(source)))
 
 
-def prepare(route, wanted, options):
+def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     fitted, notes = [], []
     own = own_modifiers(route)
     if keeps_rig(route, options):
@@ -78,7 +87,7 @@ def prepare(route, wanted, options):
             )
         fitted.append((rig, named, fitted_bones(route, rig)))
 
-    def write():
+    def write() -> None:
         replaced = [modifier.object for modifier in own]
         for rig, named, bones in fitted:
             _write(route, rig, named, bones, replaced, options)
@@ -86,14 +95,16 @@ def prepare(route, wanted, options):
         for modifier in own:
             modifier.show_viewport = modifier.show_render = False
         if fitted and replaced:
-            hung.rehang(set(replaced), fitted_rig(route.target, fitted[0][0]))
+            made = fitted_rig(route.target, fitted[0][0])
+            if made is not None:
+                hung.rehang(set(replaced), made)
             for rig in _without_bodies(set(replaced)):
                 rig.hide_set(True)
 
     return Prepared(write, tuple(notes))
 
 
-def _without_bodies(replaced):
+def _without_bodies(replaced: set[bpy.types.Object]) -> list[bpy.types.Object]:
     """The rigs among those replaced that deform nothing any more and can be hidden here."""
     moving = {
         modifier.object
@@ -105,14 +116,21 @@ def _without_bodies(replaced):
     return [rig for rig in replaced - moving if rig.name in layer]
 
 
-def _write(route, rig, named, bones, replaced, options):
+def _write(
+    route: Route,
+    rig: bpy.types.Object,
+    named: Mapping[str, str],
+    bones: Mapping[str, Placed],
+    replaced: Sequence[bpy.types.Object],
+    options: Options,
+) -> None:
     own, fresh = _own_rig(route, rig, named, replaced)
     place = own.matrix_world.inverted() @ route.target_to_world
     wanted = {
         named[name]: (
-            place @ Vector(bone.head),
-            place @ Vector(bone.tail),
-            (place.to_3x3() @ Vector(bone.axes[:, 2])).normalized(),
+            place @ Vector([*bone.head]),
+            place @ Vector([*bone.tail]),
+            (place.to_3x3() @ Vector([*bone.axes[:, 2]])).normalized(),
             bone.scale,
         )
         for name, bone in bones.items()
@@ -135,7 +153,7 @@ def _write(route, rig, named, bones, replaced, options):
     route.fitted.append(partial(_finish, route, rig, own, named, bones, fresh, options))
 
 
-def _fit_shapes(rig, own, named):
+def _fit_shapes(rig: bpy.types.Object, own: bpy.types.Object, named: Mapping[str, str]) -> None:
     """Shapes in which bones are shown, as large beside the bones as on the source's rig."""
     for bone in rig.pose.bones:
         shown = own.pose.bones[named[bone.name]]
@@ -145,7 +163,15 @@ def _fit_shapes(rig, own, named):
             shown.custom_shape_scale_xyz = bone.custom_shape_scale_xyz * grown
 
 
-def _finish(route, rig, own, named, bones, fresh, options):
+def _finish(
+    route: Route,
+    rig: bpy.types.Object,
+    own: bpy.types.Object,
+    named: Mapping[str, str],
+    bones: Mapping[str, Placed],
+    fresh: bool,
+    options: Options,
+) -> None:
     """Once all copies look at one another: constraints at rest, and actions."""
     holding = _holding(route.body, rig)
     fit_constraints(rig, own, named)
@@ -167,16 +193,16 @@ def _finish(route, rig, own, named, bones, fresh, options):
     (fit_actions if options.fit_animation else keep_actions)(fitting, fresh)
 
 
-def _share(route, rig, replaced):
+def _share(route: Route, rig: bpy.types.Object, replaced: Sequence[bpy.types.Object]) -> None:
     """Let the rig that was fitted to the lead of a character deform its other meshes too."""
     own = fitted_rig(route.target, rig)
     for target in route.targets[1:]:
-        if all(modifier.object != own for modifier in armature_modifiers(target)):
+        if own is not None and all(modifier.object != own for modifier in armature_modifiers(target)):
             _hang_on(route, target, rig, own, replaced)
     bpy.context.view_layer.update()
 
 
-def _holding(source, rig):
+def _holding(source: bpy.types.Object, rig: bpy.types.Object) -> set[str]:
     """Names of the bones that move the surface."""
     _, group, weight = read_weights(source)
     used = np.unique(group[weight > 0.0]).tolist()
@@ -185,23 +211,25 @@ def _holding(source, rig):
     return {name for name in held if name in bones and bones[name].use_deform}
 
 
-def fitted_rig(target, rig):
+def fitted_rig(target: bpy.types.Object, rig: bpy.types.Object) -> bpy.types.Object | None:
     """The target's rig that was made from `rig` before, or None."""
     made = _made_from(target, rig)
     return next((own for own in made if own.get(MADE_FOR) in (None, target)), None)
 
 
-def _made_from(target, rig):
+def _made_from(target: bpy.types.Object, rig: bpy.types.Object) -> list[bpy.types.Object]:
     """Rigs on the target made from `rig`; those of another target if this is its duplicate."""
     return [m.object for m in armature_modifiers(target) if comes_from(m.object, rig)]
 
 
-def _has_bones(own, named):
+def _has_bones(own: bpy.types.Object, named: Mapping[str, str]) -> bool:
     """Whether a rig has just the bones that a new copy would have."""
     return {bone.name for bone in own.data.bones} == set(named.values())
 
 
-def _own_rig(route, rig, named, replaced):
+def _own_rig(
+    route: Route, rig: bpy.types.Object, named: Mapping[str, str], replaced: Sequence[bpy.types.Object]
+) -> tuple[bpy.types.Object, bool]:
     """The target's rig made from `rig` before, or a copy of it that deforms the target instead of others.
 
     And whether it was made now.
@@ -227,7 +255,13 @@ def _own_rig(route, rig, named, replaced):
     return own, True
 
 
-def _hang_on(route, target, rig, own, replaced):
+def _hang_on(
+    route: Route,
+    target: bpy.types.Object,
+    rig: bpy.types.Object,
+    own: bpy.types.Object,
+    replaced: Sequence[bpy.types.Object],
+) -> None:
     """Let the rig `own`, made from `rig`, deform a mesh of the target, as its parent in place of others."""
     given = [rig, *_made_from(target, rig)]
     held = next((m for m in armature_modifiers(target) if m.object in given), None)
@@ -240,7 +274,7 @@ def _hang_on(route, target, rig, own, replaced):
         target.matrix_world = there
 
 
-def hold_still(own):
+def hold_still(own: bpy.types.Object) -> None:
     """Take from a copy what would move it as an object, away from the place that it is made for."""
     own.constraints.clear()
     held = own.animation_data
@@ -254,7 +288,7 @@ def hold_still(own):
             held.drivers.remove(curve)
 
 
-def _moving(action):
+def _moving(action: bpy.types.Action) -> Iterator[tuple[Any, bpy.types.FCurve]]:
     """The curves of an action that move an object, each after the list that holds it."""
     if hasattr(action, "layers"):
         # From Blender 4.4, where `fcurves` are those of the first slot.
@@ -266,7 +300,9 @@ def _moving(action):
     return ((curves, curve) for curves in lists for curve in curves if curve.data_path.startswith(TRANSFORMS))
 
 
-def _new_modifier(route, target, rig, name):
+def _new_modifier(
+    route: Route, target: bpy.types.Object, rig: bpy.types.Object, name: str
+) -> bpy.types.Modifier:
     """An Armature modifier set as that of the source, before those that take the posed surface.
 
     Yet after those that complete it: the two sides have poses of their own.
@@ -286,7 +322,7 @@ def _new_modifier(route, target, rig, name):
 
 
 @contextmanager
-def editing(rig):
+def editing(rig: bpy.types.Object) -> Iterator[None]:
     """The rig in edit mode, shown and without X-Axis Mirror meanwhile; all is as before afterwards."""
     layer, scene = bpy.context.view_layer, bpy.context.scene.collection
     active, selected = layer.objects.active, list(layer.objects.selected)
@@ -320,7 +356,7 @@ def editing(rig):
             _set_mode(active, mode)
 
 
-def _set_mode(obj, mode):
+def _set_mode(obj: bpy.types.Object, mode: EnumItem) -> None:
     """Set the mode of an active object, in whichever scene: operators take that of the window's scene."""
     with bpy.context.temp_override(active_object=obj, object=obj):
         bpy.ops.object.mode_set(mode=mode)

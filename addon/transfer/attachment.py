@@ -1,14 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What an object of a character hangs on, by parent, surface or constraint, and its copy on the target."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import TYPE_CHECKING, Any
+
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix
 
+from ..typed import Floats, Values
 from .armatures import fitted_rig, hold_still
 from .constraints import at_rest
 from .copies import MADE_FOR, MADE_FROM, comes_from, meant_by, object_copy
 from .weights import rigs
+
+if TYPE_CHECKING:
+    from .route import Route
+
+# What an object hangs on, the name of a bone of that or "", and the constraint that ties to it, if one does.
+Held = tuple[bpy.types.Object, str, bpy.types.Constraint | None]
 
 # Constraints that tie an object to another as parenting does.
 TYING = ("CHILD_OF", "ARMATURE", "COPY_TRANSFORMS")
@@ -18,7 +30,9 @@ CHANNELS = ("location", "rotation", "scale")
 AXES = "xyz"
 
 
-def held_by(obj, source, passed=()):
+def held_by(
+    obj: bpy.types.Object, source: bpy.types.Object, passed: tuple[bpy.types.Object, ...] = ()
+) -> Held | None:
     """What of the source an object hangs on at last, directly or by others, or None.
 
     The source or a rig of it, the name of its bone or "", and the constraint that ties to it or None.
@@ -34,7 +48,9 @@ def held_by(obj, source, passed=()):
     return found
 
 
-def _last_of(ties, source, passed):
+def _last_of(
+    ties: Iterable[Held], source: bpy.types.Object, passed: tuple[bpy.types.Object, ...]
+) -> Held | None:
     """The first of the ties that leads to the source or a rig of it, as `held_by` has it."""
     for holder, bone, constraint in ties:
         if holder in meant_by(source):
@@ -47,7 +63,7 @@ def _last_of(ties, source, passed):
     return None
 
 
-def _ties(obj):
+def _ties(obj: bpy.types.Object) -> Iterator[Held]:
     """What ties an object directly: holder, bone and constraint. The last constraint has the last word."""
     for constraint in reversed(obj.constraints):
         if _is_tying(constraint):
@@ -61,33 +77,36 @@ def _ties(obj):
         yield surface, "", None
 
 
-def _parent_of(obj):
+def _parent_of(obj: bpy.types.Object) -> Iterator[Held]:
     if obj.parent is not None:
         yield obj.parent, obj.parent_bone if obj.parent_type == "BONE" else "", None
 
 
-def _is_tying(constraint):
+def _is_tying(constraint: bpy.types.Constraint) -> bool:
     return constraint.type in TYING and not constraint.mute and constraint.influence > 0.0
 
 
-def _looks(constraint):
+def _looks(constraint: bpy.types.Constraint) -> list[Any]:
     """What a constraint looks at: itself or its targets, each with `target` and `subtarget`."""
     return list(constraint.targets) if hasattr(constraint, "targets") else [constraint]
 
 
-def in_source(route, companion):
+def in_source(route: Route, companion: bpy.types.Object) -> Floats:
     """The matrix from the companion's coordinates to stretched ones of the source, with bones at rest."""
     return np.array(route.source_to_world.inverted_safe() @ _unposed(route.source, companion))
 
 
-def placed(matrix, points):
+def placed(matrix: Floats, points: Values) -> Floats:
     """Points (n, 3) under a matrix (4, 4)."""
     return points.astype(np.float64) @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def _unposed(source, companion):
+def _unposed(source: bpy.types.Object, companion: bpy.types.Object) -> Matrix:
     """The companion's matrix in the world, with the bones on which it hangs at rest."""
-    rig, bone, constraint = held_by(companion, source)
+    held = held_by(companion, source)
+    if held is None:
+        return companion.matrix_world
+    rig, bone, constraint = held
     if rig == source or not (bone or constraint):
         return companion.matrix_world
     if constraint is not None and constraint.type == "CHILD_OF":
@@ -104,7 +123,7 @@ def _unposed(source, companion):
     return Matrix(moved.tolist()).inverted_safe() @ companion.matrix_world
 
 
-def _pose(rig, bone):
+def _pose(rig: bpy.types.Object, bone: str) -> Matrix:
     """How the pose of a bone moves what hangs on it, in the world."""
     if bone not in rig.pose.bones:
         return Matrix()
@@ -112,7 +131,7 @@ def _pose(rig, bone):
     return rig.matrix_world @ posed @ rest.inverted_safe() @ rig.matrix_world.inverted_safe()
 
 
-def _followed(constraint, matrix):
+def _followed(constraint: bpy.types.Constraint, matrix: Matrix) -> Matrix:
     """What a Child Of follows of a matrix: channels that are not checked are those of unity."""
     used = [[getattr(constraint, f"use_{channel}_{axis}") for axis in AXES] for channel in CHANNELS]
     if np.all(used):
@@ -126,7 +145,7 @@ def _followed(constraint, matrix):
     return Matrix.LocRotScale(location, Euler(turn, order), scale)
 
 
-def copy_of(target, companion):
+def copy_of(target: bpy.types.Object, companion: bpy.types.Object) -> bpy.types.Object | None:
     """The target's copy of a companion that was made before, or None."""
     return next(
         (
@@ -140,14 +159,20 @@ def copy_of(target, companion):
     )
 
 
-def new_copy(target, companion):
+def new_copy(target: bpy.types.Object, companion: bpy.types.Object) -> bpy.types.Object:
     """A new copy of the companion, which nothing moves."""
     own = object_copy(companion, target)
     hold_still(own)
     return own
 
 
-def attach(route, companion, own, fresh=False, world=None):
+def attach(
+    route: Route,
+    companion: bpy.types.Object,
+    own: bpy.types.Object,
+    fresh: bool = False,
+    world: Matrix | None = None,
+) -> list[bpy.types.Constraint]:
     """Hang the copy on the target as the companion hangs on the source; returns the constraints left out.
 
     `fresh` is a copy just made; `world`, by default the target's matrix, its place with all bones at rest.
@@ -173,10 +198,10 @@ def attach(route, companion, own, fresh=False, world=None):
     return [constraint for constraint in companion.constraints if constraint not in kept]
 
 
-def _can_keep(route, constraint):
+def _can_keep(route: Route, constraint: bpy.types.Constraint) -> bool:
     """Whether all that a constraint looks at is on the target too, and it leaves the copy in its place."""
 
-    def found(look):
+    def found(look: Any) -> bool:
         there = _counterpart(route, look.target)
         if there is None or not look.subtarget:
             return there is not None
@@ -187,7 +212,7 @@ def _can_keep(route, constraint):
     return constraint.type in KEPT and _is_tying(constraint) and bool(looks) and all(map(found, looks))
 
 
-def _counterpart(route, obj):
+def _counterpart(route: Route, obj: bpy.types.Object | None) -> bpy.types.Object | None:
     """What stands for the source, a rig of it or a companion on the target, or None."""
     if obj is None or obj in meant_by(route.source):
         return obj and route.target
@@ -196,11 +221,11 @@ def _counterpart(route, obj):
     return copy_of(route.target, obj) if held_by(obj, route.source) is not None else None
 
 
-def _rig_on_target(route, rig):
+def _rig_on_target(route: Route, rig: bpy.types.Object) -> bpy.types.Object | None:
     return fitted_rig(route.target, rig) or route.target.find_armature()
 
 
-def _on_target(route, held):
+def _on_target(route: Route, held: Held | None) -> tuple[bpy.types.Object | None, str | None]:
     """What the copy hangs on, and a bone of it or None: the target's rig, else the target."""
     if held is None:
         return None, None
@@ -214,7 +239,7 @@ def _on_target(route, held):
     return rig, name
 
 
-def _look_at_target(route, constraint, own):
+def _look_at_target(route: Route, constraint: bpy.types.Constraint, own: bpy.types.Constraint) -> None:
     """Let a copied constraint look at the target's, and hold the copy where it is."""
     for theirs, mine in zip(_looks(constraint), _looks(own), strict=True):
         mine.target = _counterpart(route, theirs.target)
@@ -225,7 +250,7 @@ def _look_at_target(route, constraint, own):
         own.inverse_matrix = _followed(own, there).inverted_safe()
 
 
-def _hang(route, own, parent, name):
+def _hang(route: Route, own: bpy.types.Object, parent: bpy.types.Object | None, name: str | None) -> None:
     """Parent the copy, whose space is the target's at rest, and let its modifiers ask the target's rigs."""
     target = route.target
     present = [fitted_rig(target, rig) for rig in rigs(route.source)]
@@ -235,7 +260,9 @@ def _hang(route, own, parent, name):
     hang(own, target, parent, name)
 
 
-def hang(own, target, parent, name=None):
+def hang(
+    own: bpy.types.Object, target: bpy.types.Object, parent: bpy.types.Object | None, name: str | None = None
+) -> None:
     """Parent an object, or leave it free, in the place where a target is with all bones at rest."""
     own.matrix_basis = Matrix.Identity(4)
     own.delta_location, own.delta_rotation_euler, own.delta_scale = (0, 0, 0), (0, 0, 0), (1, 1, 1)
@@ -251,14 +278,20 @@ def hang(own, target, parent, name=None):
         own.matrix_parent_inverse = parent_at_rest(parent, name).inverted_safe() @ target.matrix_world
 
 
-def _put(target, own, parent, name, world):
+def _put(
+    target: bpy.types.Object,
+    own: bpy.types.Object,
+    parent: bpy.types.Object | None,
+    name: str | None,
+    world: Matrix,
+) -> None:
     """Place the copy itself in the world, where its parent is at rest."""
     if parent is not None:
         own.matrix_parent_inverse = parent_at_rest(parent, name).inverted_safe()
     own.matrix_basis = world
 
 
-def parent_at_rest(parent, name):
+def parent_at_rest(parent: bpy.types.Object, name: str | None) -> Matrix:
     """The matrix to which children of a parent, or of a bone of it at rest, are relative."""
     if name is None:
         return parent.matrix_world

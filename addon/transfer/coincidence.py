@@ -1,13 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A target that lies on the source's surface, as pieces on the body they were joined to: exact places."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
 from ..similarity import moved, similarity
+from ..typed import Flags, Floats, Integers
+
+if TYPE_CHECKING:
+    from .route import Route
 
 # One surface lies on the other up to this share of the target's size: roundings of files and of moving.
 ON = 1e-4
@@ -29,13 +36,13 @@ class Coincidence:
     source: each in the triangle `triangles` (corners,), with `weights` (corners, 3).
     """
 
-    to_target: np.ndarray
-    there: np.ndarray
-    triangles: np.ndarray
-    weights: np.ndarray
+    to_target: Floats
+    there: Flags
+    triangles: Integers
+    weights: Floats
 
 
-def coincidence(route):
+def coincidence(route: Route) -> Coincidence | None:
     """How the target lies on the source, as they stand in the scene or moved, or None."""
     tree = BVHTree.FromPolygons(route.source_points.tolist(), route.triangles.tolist(), all_triangles=True)
     step = max(1, len(route.target_points) // PROBES)
@@ -51,25 +58,27 @@ def coincidence(route):
     return None
 
 
-def _reach(points, to_target):
+def _reach(points: Floats, to_target: Floats) -> float:
     """How near is on, in the source's units."""
     return ON * np.linalg.norm(np.ptp(points, axis=0)) / np.cbrt(abs(np.linalg.det(to_target[:3, :3])))
 
 
-def _nearest(tree, points):
+def _nearest(tree: BVHTree, points: Floats) -> tuple[Floats, Integers, Floats]:
     """Nearest places (n, 3), their triangles (n,) and distances (n,)."""
     found = [tree.find_nearest(point) for point in points.tolist()]
     places = np.array([place for place, _, _, _ in found]).reshape(-1, 3)
     return places, np.array([index for _, _, index, _ in found]), np.array([away for *_, away in found])
 
 
-def _laid(tree, probes, images):
+def _laid(tree: BVHTree, probes: Floats, images: Floats) -> Floats | None:
     """The similarity that lays the source onto the target best, from the map and then by nearest planes.
 
     Chen, Medioni, "Object modelling by registration of multiple range images" (1992), by the nearer half.
     """
     to_source = similarity(probes, images)
-    for _ in range(ROUNDS if to_source is not None else 0):
+    if to_source is None:
+        return None
+    for _ in range(ROUNDS):
         points = moved(probes, to_source)
         found = [tree.find_nearest(point) for point in points.tolist()]
         places, normals = (np.array([each[k] for each in found]) for k in (0, 1))
@@ -79,15 +88,15 @@ def _laid(tree, probes, images):
         # A small turn, shift and growth by which the points come onto the planes.
         columns = [np.cross(points, normals), normals, np.einsum("ij,ij->i", points, normals)[:, None]]
         step = np.linalg.lstsq(np.hstack(columns)[near], off[near], rcond=None)[0]
-        angle = np.linalg.norm(step[:3])
+        angle = float(np.linalg.norm(step[:3]))
         grown = Matrix.Rotation(angle, 4, step[:3]) if angle > 0.0 else Matrix.Identity(4)
         change = np.array(grown) * np.append(np.full(3, 1.0 + np.clip(step[6], -0.5, 0.5)), 1.0)
         change[:3, 3] = step[3:6]
         to_source = change @ to_source
-    return None if to_source is None else np.linalg.inv(to_source)
+    return np.linalg.inv(to_source)
 
 
-def _corners(route, tree, images, to_target, reach):
+def _corners(route: Route, tree: BVHTree, images: Floats, to_target: Floats, reach: float) -> Coincidence:
     _, vertex = route.faces
     places, middles = route.target_points[vertex], np.empty((len(vertex), 3))
     # Faces need not be flat: of each corner one triangle.
@@ -103,7 +112,7 @@ def _corners(route, tree, images, to_target, reach):
     return Coincidence(to_target, there, triangles, weights)
 
 
-def _barycentric(corners, places):
+def _barycentric(corners: Floats, places: Floats) -> Floats:
     """Weights of the corners of triangles (n, 3, 3) for places in or beside them, none below zero: (n, 3)."""
     along, up, to = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0], places - corners[:, 0]
     a, b, c = (np.einsum("ij,ij->i", *pair) for pair in ((along, along), (along, up), (up, up)))

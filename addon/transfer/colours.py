@@ -1,17 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Colour attributes, point and corner domain, in linear colour."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import bpy
 import numpy as np
 
 from ..mesh_write import OURS, check_name, read_attribute, write_attribute
+from ..typed import Options, Values
 from .kind import Kind, Prepared
 
+if TYPE_CHECKING:
+    from .route import Route
 
-def names(source):
+
+def names(source: bpy.types.Object) -> list[str]:
     return [layer.name for layer in source.data.color_attributes if not layer.name.startswith(OURS)]
 
 
-def prepare(route, wanted, _options):
+def prepare(route: Route, wanted: Sequence[str], _options: Options) -> Prepared:
     source = route.body.data
     carried = []
     for name in wanted:
@@ -26,7 +36,7 @@ def prepare(route, wanted, _options):
     return Prepared(lambda: _write(route, wanted, carried))
 
 
-def _write(route, wanted, carried):
+def _write(route: Route, wanted: Sequence[str], carried: Sequence[tuple[str, str, str, Values]]) -> None:
     source, target = route.body.data, route.target.data
     for layer in carried:
         write_attribute(target, *layer)

@@ -1,10 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Eyes, teeth, clothes and hair that are objects of their own: copies that follow the target's surface."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
 import bpy
 import numpy as np
+from mathutils import Matrix
 
 from .. import mesh_read
+from ..typed import Options
 from . import splines, strands
 from .attachment import attach, copy_of, held_by, in_source, new_copy, placed
 from .copies import copied, stand_in, stands_in
@@ -15,11 +22,15 @@ from .shape_keys import read_key
 from .sides import rename
 from .weights import rigs
 
+if TYPE_CHECKING:
+    from .route import Route
+    from .sides import Sides
+
 # Objects that show something, but have no points that can be moved.
 OTHER_SHAPES = ("META", "POINTCLOUD")
 
 
-def hanging(source, types=None):
+def hanging(source: bpy.types.Object, types: Container[str] | None = None) -> list[bpy.types.Object]:
     """Objects that hang on the source, on its rig or on one of its bones, directly or on one another."""
     # Shapes in which bones are shown are no part of the character.
     shapes = {bone.custom_shape for rig in rigs(source) for bone in (rig.pose.bones if rig.pose else ())}
@@ -35,19 +46,19 @@ def hanging(source, types=None):
     ]
 
 
-def hanging_on(pieces):
+def hanging_on(pieces: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
     """Objects that hang on any of these meshes of a character, and are none of them."""
     with stand_in(pieces[0], pieces[1:], pieces[0].name):
         return hanging(pieces[0])
 
 
-def names(source):
+def names(source: bpy.types.Object) -> list[str]:
     return list(dict.fromkeys(obj.name for obj in hanging(source)))
 
 
-def prepare(route, wanted, options):
+def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     companions = [obj for obj in hanging(route.source) if obj.name in wanted]
-    notes = []
+    notes: list[str] = []
     carried = [CARRIERS[companion.type](route, companion, options, notes) for companion in companions]
     left = [f"'{obj.name}'" for obj in hanging(route.source, OTHER_SHAPES)]
     left += [
@@ -66,7 +77,7 @@ def prepare(route, wanted, options):
     if bound:
         notes.append(f"Modifiers have to be bound again on the copies: {listed(bound)}")
 
-    def write():
+    def write() -> None:
         copies = []
         for companion, (fill, _) in zip(companions, carried, strict=True):
             before = copy_of(route.target, companion)
@@ -88,7 +99,9 @@ def prepare(route, wanted, options):
     return Prepared(write, notes)
 
 
-def _carry_mesh(route, companion, _options, _notes):
+def _carry_mesh(
+    route: Route, companion: bpy.types.Object, _options: Options, _notes: list[str]
+) -> tuple[Callable[[bpy.types.Object], None], Matrix | None]:
     """What writes coordinates of the companion's vertices and shape keys into a copy of it."""
     matrix = in_source(route, companion)
     back = np.linalg.inv(route.target_stretch)
@@ -102,7 +115,7 @@ def _carry_mesh(route, companion, _options, _notes):
     }
     named, _ = route.sides.of_all(moved_keys)
 
-    def write(own):
+    def write(own: bpy.types.Object) -> None:
         _own_mesh(own, companion, named, route.sides)
         for name, coordinates in moved_keys.items():
             block = own.data.shape_keys.key_blocks[named[name]]
@@ -113,7 +126,9 @@ def _carry_mesh(route, companion, _options, _notes):
     return write, None
 
 
-def _own_mesh(own, companion, named, sides):
+def _own_mesh(
+    own: bpy.types.Object, companion: bpy.types.Object, named: Mapping[str, str], sides: Sides
+) -> None:
     """Give the copy a mesh of its own, made anew where that of the companion is another since."""
     if _fits(own.data, companion.data, named):
         return
@@ -134,14 +149,14 @@ def _own_mesh(own, companion, named, sides):
         bpy.data.meshes.remove(before)
 
 
-def _fits(own, mesh, named):
+def _fits(own: bpy.types.Mesh, mesh: bpy.types.Mesh, named: Mapping[str, str]) -> bool:
     """Whether a copy's mesh is of its own and can take the coordinates of the companion's."""
     keys = [block.name for block in own.shape_keys.key_blocks] if own.shape_keys else []
     topologies = {mesh_read.fingerprint(each).topology for each in (own, mesh)}
     return own != mesh and len(topologies) == 1 and keys == list(named.values())
 
 
-def masks(own):
+def masks(own: bpy.types.Object) -> Iterator[tuple[bpy.types.Modifier, str, str]]:
     """Modifiers that ask vertex groups, the setting and the name of the group."""
     for modifier in own.modifiers:
         for prop in modifier.bl_rna.properties:

@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Constraints of a fitted rig: what they store, and bones that they would move at rest."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Container, Mapping
+from contextlib import AbstractContextManager
+from typing import Any
+
 import bpy
 import numpy as np
-from mathutils import Matrix
+from mathutils import Matrix, Vector
 
 # Rounds in which bones that constraints lead come to rest.
 ROUNDS = 4
@@ -11,7 +17,7 @@ ROUNDS = 4
 TURNED, MOVED = 2e-3, 2e-3
 
 
-def fit_constraints(rig, own, named):
+def fit_constraints(rig: bpy.types.Object, own: bpy.types.Object, named: Mapping[str, str]) -> None:
     """Lengths, angles and matrices that constraints of the rig store, as fitted bones have them at rest."""
     for bone in rig.pose.bones:
         fitted = own.pose.bones[named[bone.name]]
@@ -33,11 +39,11 @@ def fit_constraints(rig, own, named):
                     setattr(copy, length, getattr(constraint, length) * after / before)
 
 
-def _head_at_rest(rig, bone):
+def _head_at_rest(rig: bpy.types.Object, bone: bpy.types.PoseBone) -> Vector:
     return rig.matrix_world @ bone.bone.head_local
 
 
-def at_rest(constraint):
+def at_rest(constraint: bpy.types.Constraint) -> Matrix:
     """World matrix of what a constraint looks at, its bones at rest."""
     seen = constraint.target
     bone = seen.data.bones.get(constraint.subtarget) if seen.type == "ARMATURE" else None
@@ -47,7 +53,7 @@ def at_rest(constraint):
     return seen.matrix_world @ bone.matrix_local @ Matrix.Translation((0.0, along, 0.0))
 
 
-def _pole(constraint, bone, rig):
+def _pole(constraint: bpy.types.Constraint, bone: bpy.types.PoseBone, rig: bpy.types.Object) -> float:
     """The pole angle at which a limb would rest, all bones at rest.
 
     The solver turns the limb about the line from its root to its tip until the direction at the pole angle,
@@ -68,7 +74,13 @@ def _pole(constraint, bone, rig):
     return angle if (x * np.cos(angle) + z * np.sin(angle)).dot(up) >= 0.0 else angle + np.pi
 
 
-def settle(rig, own, named, held, editing):
+def settle(
+    rig: bpy.types.Object,
+    own: bpy.types.Object,
+    named: Mapping[str, str],
+    held: Container[str],
+    editing: Callable[[bpy.types.Object], AbstractContextManager[None]],
+) -> bool:
     """Let the fitted rig rest under its constraints as the source's does; whether any bone was laid anew.
 
     Bones that are led by constraints are laid where these hold them while all else rests: first those that
@@ -96,7 +108,7 @@ def settle(rig, own, named, held, editing):
     return changed
 
 
-def _lay(bones, places):
+def _lay(bones: Any, places: Mapping[str, Matrix]) -> None:
     """Lay edit bones as these matrices are, as long as they stretch them, those above first.
 
     Others that begin where one of them ends stay, and it ends there.
@@ -113,7 +125,7 @@ def _lay(bones, places):
             child.head = head
 
 
-def _off(rig):
+def _off(rig: bpy.types.Object) -> dict[str, Matrix | None]:
     """For each bone where constraints hold it while all bones are in their places, None where it rests."""
     probe = rig.copy()
     probe.animation_data_clear()
@@ -135,7 +147,7 @@ def _off(rig):
         bpy.data.objects.remove(probe)
 
 
-def _moved(bone):
+def _moved(bone: bpy.types.PoseBone) -> Matrix | None:
     """The matrix of a posed bone in its rig where it is another one than at rest, else None."""
     rest, posed = bone.bone.matrix_local, bone.matrix
     turned = rest.to_quaternion().rotation_difference(posed.to_quaternion()).angle

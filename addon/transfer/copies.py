@@ -1,21 +1,29 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Copies of what belongs to the source, which belong to this file whatever library their originals are of."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import TypeVar
+
+import bpy
 
 from ..character import MADE_FOR, is_there
+
+Copied = TypeVar("Copied", bound=bpy.types.ID)
 
 # On what is made for a target (a rig, a companion, a material, an image): the name of what from.
 MADE_FROM = "spectral_match_made_from"
 # On objects and materials that are made: what from. It may be renamed, or gone and come back under its name.
 ORIGINAL = "spectral_match_original"
 # What a joined object stands for, by its session id: the objects that it was joined from, and their name.
-_joined: dict[int, tuple] = {}
+_joined: dict[int, tuple[bpy.types.Object, ...]] = {}
 _names: dict[int, str] = {}
 
 
 @contextmanager
-def stand_in(obj, pieces, name):
+def stand_in(obj: bpy.types.Object, pieces: Sequence[bpy.types.Object], name: str) -> Iterator[None]:
     """Let an object stand for those that it was joined from, which have this name together."""
     uid = obj.session_uid
     _joined[uid], _names[uid] = (obj, *pieces), name
@@ -25,28 +33,28 @@ def stand_in(obj, pieces, name):
         del _joined[uid], _names[uid]
 
 
-def stands_in(obj):
+def stands_in(obj: bpy.types.Object) -> bool:
     """Whether an object was made to stand for others, and is gone soon."""
     return obj.session_uid in _joined
 
 
-def name_of(obj):
+def name_of(obj: bpy.types.Object) -> str:
     """The name of an object, or of the character that it stands for."""
     return _names.get(obj.session_uid, obj.name)
 
 
-def meant_by(obj):
+def meant_by(obj: bpy.types.Object) -> tuple[bpy.types.Object, ...]:
     """An object and those that it stands for."""
     return _joined.get(obj.session_uid, (obj,))
 
 
-def copied(original):
+def copied(original: Copied) -> Copied:
     """A copy of an ID that can be edited: that of a library override would be an override too."""
     copy = original.copy()
     return copy.make_local(clear_liboverride=True) if copy.override_library is not None else copy
 
 
-def object_copy(original, target):
+def object_copy(original: bpy.types.Object, target: bpy.types.Object) -> bpy.types.Object:
     """A copy of an object for the target, beside which it is put."""
     own = copied(original)
     own.name = f"{original.name} {target.name}"
@@ -58,7 +66,7 @@ def object_copy(original, target):
     return own
 
 
-def comes_from(own, original):
+def comes_from(own: bpy.types.Object, original: bpy.types.Object) -> bool:
     """Whether an object is a copy of `original`."""
     if MADE_FROM not in own:
         return False

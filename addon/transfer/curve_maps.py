@@ -1,7 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Curves of several channels that belong together, as those of a rotation, taken through a function."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any
+
+import bpy
 import numpy as np
+
+from ..typed import Floats, Integers, Values
+
+# What becomes of values (n, width), or of times (n,).
+Function = Callable[[Floats], Floats]
 
 HANDLES = ("handle_left", "handle_right")
 # Slopes of curves are differences over this part of a frame.
@@ -17,20 +28,22 @@ CHECKED = (0.25, 0.5, 0.75)
 class Curves:
     """The curves of one ID in an action, found by path and channel."""
 
-    def __init__(self, curves):
+    def __init__(self, curves: Any) -> None:
         self._list = curves
         self._known = {(curve.data_path, curve.array_index): curve for curve in curves}
         self.paths = {curve.data_path for curve in curves}
 
-    def get(self, path, channel):
+    def get(self, path: str, channel: int) -> bpy.types.FCurve | None:
         return self._known.get((path, channel))
 
-    def new(self, path, channel):
+    def new(self, path: str, channel: int) -> bpy.types.FCurve:
         made = self._known[path, channel] = self._list.new(path, index=channel)
         return made
 
 
-def remap(curves, path, width, defaults, function, linear):
+def remap(
+    curves: Curves, path: str, width: int, defaults: Sequence[float], function: Function, linear: bool
+) -> None:
     """Replace the values of `width` channels by what `function` makes of them, (n, width) → (n, width).
 
     `curves` are the action's `Curves`; channels that have none are `defaults` (width,) and get a curve. Keys
@@ -43,35 +56,33 @@ def remap(curves, path, width, defaults, function, linear):
         return
     times = np.unique(np.concatenate([_numbers(curve, "co")[:, 0] for curve in held]))
     alike = linear and all(
-        curve is not None
-        and len(curve.keyframe_points) == len(times)
-        and np.array_equal(_numbers(curve, "co")[:, 0], times)
-        for curve in own
+        len(curve.keyframe_points) == len(times) and np.array_equal(_numbers(curve, "co")[:, 0], times)
+        for curve in held
     )
-    if alike:
-        _remap_points(own, function)
+    if alike and len(held) == width:
+        _remap_points(held, function)
     else:
         _remap_values(curves, own, path, defaults, function, times, linear)
 
 
-def _numbers(curve, name, width=2):
+def _numbers(curve: bpy.types.FCurve, name: str, width: int = 2) -> Floats:
     values = np.empty(len(curve.keyframe_points) * width, np.float32)
     curve.keyframe_points.foreach_get(name, values)
     return values.reshape(-1, width).astype(np.float64)
 
 
-def _set_free(curve):
+def _set_free(curve: bpy.types.FCurve) -> None:
     """Handles that Blender does not move."""
     free = np.zeros(len(curve.keyframe_points), np.int32)
     for name in ("handle_left_type", "handle_right_type"):
         curve.keyframe_points.foreach_set(name, free)
 
 
-def _set(curve, name, values):
+def _set(curve: bpy.types.FCurve, name: str, values: Values) -> None:
     curve.keyframe_points.foreach_set(name, values.astype(np.float32).ravel())
 
 
-def _remap_points(own, function):
+def _remap_points(own: Sequence[bpy.types.FCurve], function: Function) -> None:
     """Keys of all channels at the same times: the function of keys and handles is that of the curves."""
     points = {name: [_numbers(curve, name) for curve in own] for name in ("co", *HANDLES)}
     for values in points.values():
@@ -84,8 +95,16 @@ def _remap_points(own, function):
             _set(curve, name, values[k])
 
 
-def _remap_values(curves, own, path, defaults, function, times, linear):
-    def given(at):
+def _remap_values(
+    curves: Curves,
+    own: Sequence[bpy.types.FCurve | None],
+    path: str,
+    defaults: Sequence[float],
+    function: Function,
+    times: Floats,
+    linear: bool,
+) -> None:
+    def given(at: Floats) -> Floats:
         columns = [
             np.full(len(at), default) if curve is None else np.array([curve.evaluate(t) for t in at.tolist()])
             for curve, default in zip(own, defaults, strict=True)
@@ -119,7 +138,7 @@ def _remap_values(curves, own, path, defaults, function, times, linear):
             _set(curve, name, np.stack([x, y[:, k]], axis=1))
 
 
-def _interpolations(own, times):
+def _interpolations(own: Iterable[bpy.types.FCurve | None], times: Floats) -> Integers:
     """The kind of interpolation after each time, by its number, of the first channel with a key there."""
     kinds = np.full(len(times), -1, np.int32)
     for curve in own:
@@ -131,7 +150,7 @@ def _interpolations(own, times):
     return kinds
 
 
-def _sampled(times, given, function, inside=None):
+def _sampled(times: Floats, given: Function, function: Function, inside: Floats | None = None) -> Any:
     """Times (n,) and values (n, width) of keys and handles; beside them the values at `inside`, if asked."""
     asked = [times - STEP, times, times + STEP, np.zeros(0) if inside is None else inside.ravel()]
     # In one go and in order: angles are continuous along the values that the function is given.
@@ -155,7 +174,7 @@ def _sampled(times, given, function, inside=None):
 CONSTANT, LINEAR, BEZIER = range(3)
 
 
-def _between(found, segment, at):
+def _between(found: Mapping[str, tuple[Floats, Floats]], segment: int | Integers, at: Floats) -> Floats:
     """Values of a Bézier segment at times `at`, for handles at thirds, where it is a cubic in time."""
     (times, values), (_, right), (_, left) = (found[name] for name in ("co", "handle_right", "handle_left"))
     begin, end = times[segment], times[segment + 1]
@@ -168,7 +187,7 @@ def _between(found, segment, at):
     )
 
 
-def _filled(times, kinds, off):
+def _filled(times: Floats, kinds: Integers, off: Iterable[bool]) -> tuple[Floats, Integers]:
     """Times with a key at each frame inside of the segments that are off, straight in between."""
     parts, kept = [], []
     for at, (time, inside) in enumerate(zip(times.tolist(), [*off, False], strict=True)):

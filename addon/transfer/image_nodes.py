@@ -1,12 +1,18 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Image nodes of a material: how their picture is laid onto a mesh, and whether it holds normals."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
 import bpy
 from mathutils import Euler, Matrix
 
 from ..mesh_read import UnusableObjectError
+
+# The group nodes around a node, outermost first.
+Groups = tuple[bpy.types.Node, ...]
 
 
 @dataclass(frozen=True)
@@ -17,7 +23,7 @@ class Normals:
 
     space: str
     uv: str
-    downwards: frozenset
+    downwards: frozenset[int]
 
 
 @dataclass(frozen=True)
@@ -26,16 +32,16 @@ class Laid:
 
     image: bpy.types.Image
     uv: str
-    placing: tuple
+    placing: tuple[tuple[float, float, float], ...]
     extension: str
     closest: bool
     normals: Normals | None
 
 
-def image_nodes(material):
+def image_nodes(material: bpy.types.Material | None) -> list[tuple[Groups, bpy.types.Node]]:
     """Nodes with an image, those in node groups too, each with the group nodes around it, outermost first."""
 
-    def walk(tree, groups):
+    def walk(tree: bpy.types.NodeTree, groups: Groups) -> Iterator[tuple[Groups, bpy.types.Node]]:
         for node in tree.nodes:
             if node.type == "TEX_IMAGE" and node.image is not None:
                 yield groups, node
@@ -45,9 +51,10 @@ def image_nodes(material):
     return list(walk(material.node_tree, ())) if material is not None and material.node_tree else []
 
 
-def images(materials):
+def images(materials: Iterable[bpy.types.Material]) -> set[bpy.types.Image]:
     """Images of the materials' nodes; a node group is read once however often it is used."""
-    found, seen = set(), set()
+    found: set[bpy.types.Image] = set()
+    seen: set[bpy.types.NodeTree] = set()
     trees = [material.node_tree for material in materials if material.node_tree]
     while trees:
         tree = trees.pop()
@@ -62,7 +69,9 @@ def images(materials):
     return found
 
 
-def laid(source, material, groups, node):
+def laid(
+    source: bpy.types.Object, material: bpy.types.Material, groups: Groups, node: bpy.types.Node
+) -> Laid:
     """How the node lays its image onto `source`; raises `UnusableObjectError` where no UV map does it."""
     if not source.data.uv_layers:
         raise UnusableObjectError(f"'{source.name}' has no UV map, so its textures have no place on it")
@@ -80,19 +89,21 @@ def laid(source, material, groups, node):
     )
 
 
-def _without_uv(material, node, how):
+def _without_uv(material: bpy.types.Material, node: bpy.types.Node, how: str) -> UnusableObjectError:
     return UnusableObjectError(
         f"Image '{node.image.name}' of material '{material.name}' is laid on {how} (node '{node.name}'), "
         "which cannot be baked. Lay it on by a UV map"
     )
 
 
-def _shown_uv(mesh):
+def _shown_uv(mesh: bpy.types.Mesh) -> str:
     """The UV map that materials show where they name none."""
     return next((layer.name for layer in mesh.uv_layers if layer.active_render), mesh.uv_layers[0].name)
 
 
-def _place(source, material, groups, node):
+def _place(
+    source: bpy.types.Object, material: bpy.types.Material, groups: Groups, node: bpy.types.Node
+) -> tuple[str, Matrix]:
     """UV map and matrix (4, 4) by which the node's Vector comes about."""
     placing = Matrix.Identity(4)
     socket = node.inputs["Vector"]
@@ -111,7 +122,7 @@ def _place(source, material, groups, node):
                 placing = placing @ _mapping(material, node, before)
             socket = before.inputs["Vector"]
         elif before.type == "GROUP_INPUT" and groups:
-            *groups, around = groups
+            groups, around = groups[:-1], groups[-1]
             socket = _same(around.inputs, out)
         elif before.type == "GROUP" and (end := _end(before)) is not None:
             groups = (*groups, before)
@@ -120,18 +131,24 @@ def _place(source, material, groups, node):
             return _map_named(source, material, node, before, out), placing
 
 
-def _end(group):
+def _end(group: bpy.types.Node) -> bpy.types.Node | None:
     """The node that gives the group's outputs."""
     nodes = group.node_tree.nodes if group.node_tree is not None and not group.mute else ()
     return next((node for node in nodes if node.type == "GROUP_OUTPUT" and node.is_active_output), None)
 
 
-def _same(sockets, socket):
+def _same(sockets: Iterable[bpy.types.NodeSocket], socket: bpy.types.NodeSocket) -> bpy.types.NodeSocket:
     """A group's socket on the other side of its border."""
     return next(other for other in sockets if other.identifier == socket.identifier)
 
 
-def _map_named(source, material, node, before, out):
+def _map_named(
+    source: bpy.types.Object,
+    material: bpy.types.Material,
+    node: bpy.types.Node,
+    before: bpy.types.Node,
+    out: bpy.types.NodeSocket,
+) -> str:
     """The UV map that the output of the node `before` gives."""
     if before.type == "TEX_COORD" and out.name == "UV":
         return _shown_uv(source.data)
@@ -148,7 +165,7 @@ def _map_named(source, material, node, before, out):
     return name
 
 
-def _mapping(material, node, mapping):
+def _mapping(material: bpy.types.Material, node: bpy.types.Node, mapping: bpy.types.Node) -> Matrix:
     """What a Mapping node does to a point, as a matrix (4, 4)."""
     values = [mapping.inputs[name] for name in ("Location", "Rotation", "Scale")]
     if mapping.vector_type == "NORMAL" or any(socket.is_linked for socket in values):
@@ -167,7 +184,9 @@ def _mapping(material, node, mapping):
 BLENDER = "BLENDER_"
 
 
-def _normals(source, material, groups, node):
+def _normals(
+    source: bpy.types.Object, material: bpy.types.Material, groups: Groups, node: bpy.types.Node
+) -> Normals | None:
     found = normal_maps(groups, node)
     if not found:
         return None
@@ -211,17 +230,20 @@ CHANNELS = RED, GREEN, BLUE = range(3)
 class Way:
     """What nodes do to a normal map: which channels they turn downwards, and whether they exchange some."""
 
-    downwards: frozenset = frozenset()
+    downwards: frozenset[int] = frozenset()
     exchanged: bool = False
 
-    def joined(self, other):
+    def joined(self, other: Way) -> Way:
         return Way(self.downwards | other.downwards, self.exchanged or other.exchanged)
 
 
-def normal_maps(groups, node):
+def normal_maps(groups: Groups, node: bpy.types.Node) -> dict[bpy.types.Node, Way]:
     """Normal Map nodes that the image node ends in, each with the `Way` to it."""
-    found, seen = {}, set()
-    open_ends = [(tuple(groups), node.outputs["Color"], None, Way())]
+    found: dict[bpy.types.Node, Way] = {}
+    seen = set()
+    open_ends: list[tuple[Groups, bpy.types.NodeSocket, int | None, Way]] = [
+        (tuple(groups), node.outputs["Color"], None, Way())
+    ]
     while open_ends:
         end = open_ends.pop()
         if end in seen:
@@ -250,7 +272,7 @@ def normal_maps(groups, node):
     }
 
 
-def _convention(normal_map):
+def _convention(normal_map: bpy.types.Node) -> set[int]:
     """Channels that a Normal Map node reads downwards.
 
     Those of the spaces named after Blender are what its former renderer baked, as Cycles reads them.
@@ -260,21 +282,21 @@ def _convention(normal_map):
     return downwards ^ ({GREEN, BLUE} if normal_map.space.startswith(BLENDER) else set())
 
 
-def _through(way, node, into, channel):
+def _through(way: Way, node: bpy.types.Node, into: bpy.types.NodeSocket, channel: int | None) -> Way:
     """The way behind a node. What becomes of a channel in another's place says nothing about its own."""
     if node.type.startswith("COMB") and channel is not None and node.inputs[channel] != into:
         return Way(exchanged=True)
     return Way(way.downwards ^ _turned_by(node, into, channel), way.exchanged)
 
 
-def _channel_of(node, channel, place):
+def _channel_of(node: bpy.types.Node, channel: int | None, place: int) -> int | None:
     """The colour's channel that leaves the node, None for the whole colour."""
     if node.type.startswith("SEP"):
         return place
     return None if node.type.startswith("COMB") else channel
 
 
-def _turned_by(node, into, channel):
+def _turned_by(node: bpy.types.Node, into: bpy.types.NodeSocket, channel: int | None) -> set[int]:
     """Channels that the node takes to one minus what they are."""
     if channel is not None:
         return {channel} if _turns(node, into) else set()
@@ -282,13 +304,13 @@ def _turned_by(node, into, channel):
         return set()
     node.mapping.initialize()
 
-    def at(channel, value):
+    def at(channel: int, value: float) -> float:
         return node.mapping.evaluate(node.mapping.curves[channel], value)
 
     return {channel for channel in CHANNELS if at(channel, 0.0) > at(channel, 1.0)}
 
 
-def _turns(node, into):
+def _turns(node: bpy.types.Node, into: bpy.types.NodeSocket) -> bool:
     """Whether the node takes a number to one minus the number."""
     if node.type == "MATH" and node.operation == "SUBTRACT":
         return into == node.inputs[1] and not node.inputs[0].is_linked and node.inputs[0].default_value == 1.0

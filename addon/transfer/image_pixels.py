@@ -6,19 +6,24 @@ apart from alpha; those of a float image in scene-linear numbers, their colours 
 latter are therefore read from their file, as data, where they have one.
 """
 
+from __future__ import annotations
+
 import tempfile
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import bpy
 import numpy as np
 
 from ..mesh_read import UnusableObjectError
+from ..typed import EnumItem, Values
 from .copies import MADE_FROM
 
 FIRST_TILE, TILES_IN_A_ROW = 1001, 10
 
 
-def has_straight_alpha(image):
+def has_straight_alpha(image: bpy.types.Image) -> bool:
     """Whether the texels' colours are apart from an alpha that belongs to them."""
     if image.colorspace_settings.is_data or image.alpha_mode not in ALPHA_OF_COLOURS:
         return False
@@ -29,11 +34,11 @@ def has_straight_alpha(image):
 ALPHA_OF_COLOURS = {"STRAIGHT", "PREMUL"}
 
 
-def _is_read_from_file(image):
+def _is_read_from_file(image: bpy.types.Image) -> bool:
     return image.source == "TILED" or (image.source == "FILE" and image.is_float and not image.is_dirty)
 
 
-def read_tiles(image):
+def read_tiles(image: bpy.types.Image) -> dict[tuple[int, int], Values]:
     """Texels (height, width, 4) of each tile by its column and row; an untiled image is one at (0, 0)."""
     if image.source != "TILED":
         if _is_read_from_file(image):
@@ -46,16 +51,16 @@ def read_tiles(image):
     return {cell_of(tile.number): _read_tile(image, tile.number) for tile in image.tiles}
 
 
-def cell_of(number):
+def cell_of(number: int) -> tuple[int, int]:
     """Column and row of the tile with that number."""
     return (number - FIRST_TILE) % TILES_IN_A_ROW, (number - FIRST_TILE) // TILES_IN_A_ROW
 
 
-def number_of(column, row):
+def number_of(column: int, row: int) -> int:
     return FIRST_TILE + column + TILES_IN_A_ROW * row
 
 
-def _read_tile(image, number):
+def _read_tile(image: bpy.types.Image, number: int) -> Values:
     # Blender gives scripts the pixels of the first tile alone: the others are read from their files.
     column, row = cell_of(number)
     name = image.filepath_raw.replace("<UDIM>", str(number)).replace("<UVTILE>", f"u{column + 1}_v{row + 1}")
@@ -63,13 +68,14 @@ def _read_tile(image, number):
     return _read_file(image, name, packed, f"Tile {number} of image")
 
 
-def _read_file(image, name, packed, what):
+def _read_file(image: bpy.types.Image, name: str, packed: bpy.types.PackedFile | None, what: str) -> Values:
     """Texels of the image's file of that name, or of the packed one, as they are in it."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(bpy.path.abspath(name, library=image.library))
         if packed is not None:
             path = Path(folder) / "packed"
-            path.write_bytes(packed.data)
+            content: Any = packed.data
+            path.write_bytes(content)
         try:
             saved = bpy.data.images.load(str(path))
         except RuntimeError:
@@ -84,7 +90,7 @@ def _read_file(image, name, packed, what):
             bpy.data.images.remove(saved)
 
 
-def read_pixels(image):
+def read_pixels(image: bpy.types.Image) -> Values:
     """Texels (height, width, 4), rows from the bottom, as Blender holds them."""
     if image.source in {"SEQUENCE", "MOVIE"}:
         raise UnusableObjectError(
@@ -105,7 +111,7 @@ def read_pixels(image):
     return full
 
 
-def store(title, tiles, image):
+def store(title: str, tiles: Mapping[int, Values], image: bpy.types.Image) -> bpy.types.Image:
     """A packed image of that title with texels as `read_tiles` gives them for `image`, by the tiles' numbers.
 
     It takes the place of the one stored before under the same title; others of that name stay.
@@ -125,7 +131,7 @@ def store(title, tiles, image):
     return made
 
 
-def _set_meaning(made, image):
+def _set_meaning(made: bpy.types.Image, image: bpy.types.Image) -> None:
     """Colour space and alpha mode for the texels that were read of `image`."""
     made.colorspace_settings.name, made.alpha_mode = image.colorspace_settings.name, image.alpha_mode
     if _is_read_from_file(image):
@@ -136,7 +142,7 @@ def _set_meaning(made, image):
         made.colorspace_settings.name = _scene_linear()
 
 
-def _scene_linear():
+def _scene_linear() -> str:
     """Name of the colour space of new float images."""
     image = bpy.data.images.new("Linear", 1, 1, float_buffer=True)
     try:
@@ -145,7 +151,7 @@ def _scene_linear():
         bpy.data.images.remove(image)
 
 
-def _new_image(title, pixels, is_float):
+def _new_image(title: str, pixels: Values, is_float: bool) -> bpy.types.Image:
     """An image of data: numbers go into its file as they are."""
     height, width = pixels.shape[:2]
     made = bpy.data.images.new(title, width, height, alpha=True, float_buffer=is_float)
@@ -155,8 +161,9 @@ def _new_image(title, pixels, is_float):
     return made
 
 
-def _new_tiled_image(title, tiles, is_float):
+def _new_tiled_image(title: str, tiles: Mapping[int, Values], is_float: bool) -> bpy.types.Image:
     # Scripts reach the pixels of the first tile alone: tiles go through files, which pack() takes in.
+    kind: EnumItem
     kind, suffix = ("OPEN_EXR", "exr") if is_float else ("PNG", "png")
     stem = bpy.path.clean_name(title)
     with tempfile.TemporaryDirectory() as folder:

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A source of several meshes as one object: joined copies, which last as long as a transfer."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
+from typing import Any
 
 import bpy
 import numpy as np
@@ -11,6 +15,7 @@ from mathutils import Matrix
 from .. import character, mesh_read
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import COLOUR, read_attribute, read_places, sort_of, write_attribute
+from ..typed import Flags, Floats, Integers, Values
 from . import whole
 from .armatures import MODIFIER_SETTINGS
 from .copies import stand_in
@@ -33,15 +38,17 @@ class View:
 
     object: bpy.types.Object
     body: bpy.types.Object
-    pieces: tuple
-    bodies: tuple
-    triangle_corners: np.ndarray
-    triangle_faces: np.ndarray
-    starts: np.ndarray
-    turned_over: np.ndarray
-    notes: tuple = ()
+    pieces: tuple[bpy.types.Object, ...]
+    bodies: tuple[whole.Body, ...]
+    triangle_corners: Integers
+    triangle_faces: Integers
+    starts: Integers
+    turned_over: Flags
+    notes: tuple[tuple[bpy.types.Object, str], ...] = ()
 
-    def places(self, piece, faces, barycentric, image):
+    def places(
+        self, piece: Integers, faces: Integers, barycentric: Floats, image: Integers
+    ) -> tuple[Integers, Floats]:
         """Places on pieces, in modelled triangles and images in mirrors → places in these triangles."""
         faces, barycentric = self._on_bodies(
             piece, lambda body, here: body.triangles_of(faces[here], barycentric[here], image[here])
@@ -49,7 +56,7 @@ class View:
         turned = self.turned_over[piece]
         return self.starts[piece] + faces, np.where(turned[:, None], barycentric[:, ::-1], barycentric)
 
-    def in_pieces(self, faces, barycentric):
+    def in_pieces(self, faces: Integers, barycentric: Floats) -> tuple[Values, ...]:
         """Places in these triangles → the piece, its modelled triangle, the weights there, and the image."""
         piece = np.searchsorted(self.starts, faces, side="right") - 1
         turned = self.turned_over[piece]
@@ -57,19 +64,21 @@ class View:
         weights = np.where(turned[:, None], barycentric[:, ::-1], barycentric)
         return piece, *self._on_bodies(piece, lambda body, here: body.as_stored(own[here], weights[here]))
 
-    def _on_bodies(self, piece, values):
+    def _on_bodies(
+        self, piece: Integers, values: Callable[[whole.Body, Integers], tuple[Values, ...]]
+    ) -> tuple[Values, ...]:
         """What `values` tells of each body and of the places on it, in the order of the places."""
         on = [np.flatnonzero(piece == number) for number in range(len(self.bodies))]
         told = [values(body, here) for body, here in zip(self.bodies, on, strict=True)]
         back = np.argsort(np.concatenate(on))
         return tuple(np.concatenate(parts)[back] for parts in zip(*told, strict=True))
 
-    def shown(self, points):
+    def shown(self, points: Floats) -> Floats:
         """Places of the body's vertices where those of the object are at `points`, (n, 3)."""
         return points if self.body == self.object else self.bodies[0].shown(points)
 
 
-def view_of(obj, body):
+def view_of(obj: bpy.types.Object, body: whole.Body) -> View:
     """What transfers see of a source that is one mesh, with this body."""
     return View(
         obj, body.obj, (obj,), (body,), body.corners, body.faces, np.zeros(1, np.int64), np.zeros(1, bool)
@@ -77,7 +86,9 @@ def view_of(obj, body):
 
 
 @contextmanager
-def seen(sources, name, targets=()):
+def seen(
+    sources: Sequence[bpy.types.Object], name: str, targets: Iterable[bpy.types.Object] = ()
+) -> Iterator[View]:
     """The view of a source with these meshes, the lead first, which have this name together.
 
     A piece that a Mirror modifier completes is whole where one of the targets was matched with its other
@@ -94,7 +105,7 @@ def seen(sources, name, targets=()):
         yield held.enter_context(_seen_joined(sources, bodies, name))
 
 
-def _images(count, targets):
+def _images(count: int, targets: Iterable[bpy.types.Object]) -> list[int]:
     """Of each piece the last image in its mirrors that one of the targets was matched with."""
     last = np.zeros(count, int)
     for target in targets:
@@ -104,9 +115,12 @@ def _images(count, targets):
 
 
 @contextmanager
-def _seen_joined(sources, bodies, name):
+def _seen_joined(
+    sources: Sequence[bpy.types.Object], bodies: Sequence[whole.Body], name: str
+) -> Iterator[View]:
     matrices = character.placed(sources)
-    uv_map, layouts, notes = _shown_uv_map(sources), {}, []
+    uv_map, notes = _shown_uv_map(sources), []
+    layouts: dict[str, tuple[str, str]] = {}
     meshes, objects = [], []
     try:
         for number, (obj, body, matrix) in enumerate(zip(sources, bodies, matrices, strict=True)):
@@ -126,12 +140,13 @@ def _seen_joined(sources, bodies, name):
             yield view
     finally:
         # Joining removes objects, but not their meshes.
-        users = bpy.data.user_map(subset=set(meshes), value_types={"OBJECT"})
+        data: Any = bpy.data
+        users = data.user_map(subset=set(meshes), value_types={"OBJECT"})
         bpy.data.batch_remove({*meshes, *(obj for mesh in meshes for obj in users.get(mesh, ()))})
         bpy.context.view_layer.update()
 
 
-def _shown_uv_map(sources):
+def _shown_uv_map(sources: Iterable[bpy.types.Object]) -> str:
     """The name of the UV map by which the lead's textures are laid on where their nodes name none."""
     for obj in sources:
         for layer in obj.data.uv_layers:
@@ -140,7 +155,7 @@ def _shown_uv_map(sources):
     return ""
 
 
-def _prepare(obj, mesh, matrix, number, uv_map):
+def _prepare(obj: bpy.types.Object, mesh: bpy.types.Mesh, matrix: Floats, number: int, uv_map: str) -> None:
     """Make a copy of a piece's mesh ready to be joined: in the lead's space, with a UV map of that name."""
     for place, slot in enumerate(obj.material_slots):
         # A slot may be linked to the object instead of to its mesh.
@@ -164,7 +179,7 @@ def _prepare(obj, mesh, matrix, number, uv_map):
     )
 
 
-def _agree(mesh, layouts):
+def _agree(mesh: bpy.types.Mesh, layouts: dict[str, tuple[str, str]]) -> list[str]:
     """Let the attributes of a mesh have the types and domains in `layouts`, where those of their names are
     kept that come first. Colours are converted, others left out: returns words on these.
     """
@@ -188,7 +203,7 @@ def _agree(mesh, layouts):
     return left_out
 
 
-def _on_domain(mesh, values, domain, wanted):
+def _on_domain(mesh: bpy.types.Mesh, values: Values, domain: str, wanted: str) -> Values:
     """Values of points for their corners, means of corners for their points, or the values as they are."""
     corner_points = mesh_read.corner_vertices(mesh)
     if (domain, wanted) == ("POINT", "CORNER"):
@@ -201,14 +216,19 @@ def _on_domain(mesh, values, domain, wanted):
     return values
 
 
-def _follow_bone(obj, copy):
+def _follow_bone(obj: bpy.types.Object, copy: bpy.types.Object) -> None:
     """Give the copy of a piece that hangs on a bone, without skin, the weights with which it follows it."""
     rig, bone = character.held_by_bone(obj)
     if rig is not None and character.skin_of(obj) is None and bone not in copy.vertex_groups:
         copy.vertex_groups.new(name=bone).add(range(len(copy.data.vertices)), 1.0, "REPLACE")
 
 
-def _joined(sources, bodies, copies, matrices):
+def _joined(
+    sources: Sequence[bpy.types.Object],
+    bodies: Sequence[whole.Body],
+    copies: Sequence[bpy.types.Object],
+    matrices: Sequence[Floats],
+) -> View:
     """Join the copies into the first of them, and find the triangles of each piece again."""
     lead, first = copies[0], sources[0]
     bpy.context.view_layer.update()
@@ -260,15 +280,15 @@ def _joined(sources, bodies, copies, matrices):
     )
 
 
-def _turned(corners, faces, starts):
+def _turned(corners: Integers, faces: Integers, starts: Integers) -> Integers:
     """Where the corners of triangles are once their faces are turned over around their first corners."""
     first, size = starts[faces][:, None], np.diff(starts)[faces][:, None]
     return first + (size - (corners - first)) % size
 
 
-def _rig_modifiers(sources):
+def _rig_modifiers(sources: Iterable[bpy.types.Object]) -> Iterable[bpy.types.Modifier]:
     """One Armature modifier for each rig of the pieces, one that is on if any is."""
-    found = {}
+    found: dict[bpy.types.Object, bpy.types.Modifier] = {}
     for obj in sources:
         for modifier in obj.modifiers:
             if modifier.type == "ARMATURE" and modifier.object is not None:

@@ -1,13 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bones of the source's rig, placed in the target: by the surface around their joints, or by other bones."""
 
-from dataclasses import dataclass
+from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import bpy
 import numpy as np
 
 from ..mesh_write import image_points
+from ..typed import Flags, Floats, Integers
 from .sides import flip_name
 from .weights import read_weights
+
+if TYPE_CHECKING:
+    from .route import Route
+
+# Images and vertices of the target, and the turn and scale between them all.
+WholeBody = tuple[Floats, Floats, Floats, float]
 
 # Ends of bones nearer than this share of the rig's size are one joint.
 SAME_JOINT = 1e-5
@@ -32,10 +44,10 @@ class Placed:
     bones placed by the surface, or with such bones.
     """
 
-    head: np.ndarray
-    tail: np.ndarray
-    axes: np.ndarray
-    turn: np.ndarray
+    head: Floats
+    tail: Floats
+    axes: Floats
+    turn: Floats
     scale: float
     firm: bool = True
 
@@ -46,7 +58,7 @@ class _Bones:
     Ends in one place are one joint: `joint` (bones, 2) are those of each bone, `places` where they are.
     """
 
-    def __init__(self, route, rig):
+    def __init__(self, route: Route, rig: bpy.types.Object) -> None:
         to_source = np.array(route.source_to_world.inverted_safe() @ rig.matrix_world)
         self.rig, self.list = rig, list(rig.data.bones)
         self.number = {bone.name: number for number, bone in enumerate(self.list)}
@@ -63,7 +75,7 @@ class _Bones:
         self.turned_over = axes @ np.diag((-1.0, 1.0, 1.0)) @ np.linalg.inv(axes)
 
 
-def fitted_bones(route, rig):
+def fitted_bones(route: Route, rig: bpy.types.Object) -> dict[str, Placed]:
     """Every bone of a rig, `Placed` in the target, by name.
 
     Joints of bones that hold the surface go where the similarity of the surface around them takes them. Other
@@ -92,7 +104,7 @@ def fitted_bones(route, rig):
     return placed
 
 
-def _between(bones, number, begin, tail):
+def _between(bones: _Bones, number: int, begin: Sequence[Any], tail: Floats) -> Placed:
     """A bone between two joints, turned about itself as the surface around its head."""
     head, turn, scale = (np.array(value) for value in begin)
     axes = _axes(tail - head, turn @ bones.axes[number][:, 2])
@@ -101,9 +113,9 @@ def _between(bones, number, begin, tail):
     return Placed(head, tail, axes, _turned(axes, bones.axes[number], turn), grown)
 
 
-def _axes(along, up):
+def _axes(along: Floats, up: Floats) -> Floats:
     """Axes (3, 3) of a bone, y along it and z as near to `up` as can be."""
-    y = along / max(np.linalg.norm(along), TINY)
+    y = along / max(float(np.linalg.norm(along)), TINY)
     z = up - (up @ y) * y
     if np.linalg.norm(z) < 1e-9 * np.linalg.norm(up):
         across = np.eye(3)[np.abs(y).argmin()]
@@ -112,12 +124,12 @@ def _axes(along, up):
     return np.stack([np.cross(y, z), y, z], axis=1)
 
 
-def _turned(axes, before, turn):
+def _turned(axes: Floats, before: Floats, turn: Floats) -> Floats:
     """What takes a bone's axes to those that it got, mirroring if `turn` does."""
     return axes @ np.diag((np.sign(np.linalg.det(turn)), 1.0, 1.0)) @ before.T
 
 
-def _place_others(route, bones, placed, settled):
+def _place_others(route: Route, bones: _Bones, placed: dict[str, Placed], settled: dict[int, Floats]) -> None:
     """Place the bones that are not yet, each by one that is; joints that are `settled` stay."""
     led, whole = _led(bones.rig), None
     pending = [bone for bone in bones.list if bone.name not in placed]
@@ -142,14 +154,16 @@ def _place_others(route, bones, placed, settled):
         pending = left
 
 
-def _firm_one(bones, placed, led, bone):
+def _firm_one(
+    bones: _Bones, placed: Mapping[str, Placed], led: Mapping[str, list[str]], bone: bpy.types.Bone
+) -> str | None:
     """The bone, placed by the surface, by which another one is placed, or None."""
     own = bones.number[bone.name]
     firm = [name for name, each in placed.items() if each.firm]
     beside = [name for name in firm if bones.joint[bones.number[name], 0] == bones.joint[own, 0]]
     if beside:
 
-        def unlike(name):
+        def unlike(name: str) -> tuple[float, float]:
             """How little two bones of one head point alike and, in steps of that, are alike in length."""
             other = bones.number[name]
             cosine = round(float(bones.axes[own][:, 1] @ bones.axes[other][:, 1]), 3)
@@ -167,18 +181,18 @@ def _firm_one(bones, placed, led, bone):
     return next((name for way in ways for name in way if name in placed and placed[name].firm), None)
 
 
-def _has_side(name, bones):
+def _has_side(name: str, bones: _Bones) -> bool:
     return flip_name(name, bones.number) != name
 
 
-def _gap(bones, name, own):
+def _gap(bones: _Bones, name: str, own: int) -> float:
     """From the head of a bone to the nearer end of another."""
     return np.linalg.norm(bones.ends[bones.number[name]] - bones.ends[own, 0], axis=1).min()
 
 
-def _led(rig):
+def _led(rig: bpy.types.Object) -> dict[str, list[str]]:
     """For each bone those whose constraints look at it."""
-    led = {}
+    led: dict[str, list[str]] = {}
     for bone in rig.pose.bones:
         for constraint in bone.constraints:
             looks = getattr(constraint, "targets", None) or [constraint]
@@ -190,7 +204,9 @@ def _led(rig):
     return led
 
 
-def _beside(bones, by, other, bone, settled):
+def _beside(
+    bones: _Bones, by: Placed, other: int, bone: bpy.types.Bone, settled: dict[int, Floats]
+) -> Placed:
     """A bone that keeps how it stands to another one, number `other`, which is placed as `by`."""
     own = bones.number[bone.name]
     # From that end of the other one which is nearer.
@@ -198,11 +214,20 @@ def _beside(bones, by, other, bone, settled):
     anchor, there = bones.ends[other, near], (by.head, by.tail)[near]
     moved = [there + by.scale * by.turn @ (end - anchor) for end in bones.ends[own]]
     one_head = bones.joint[own, 0] == bones.joint[other, 0]
-    parallel = one_head and bones.axes[own][:, 1] @ bones.axes[other][:, 1] > PARALLEL
+    parallel = bool(one_head) and bool(bones.axes[own][:, 1] @ bones.axes[other][:, 1] > PARALLEL)
     return _settle(bones, own, moved, by.turn, by.scale, by.firm, settled, parallel)
 
 
-def _settle(bones, own, moved, turn, scale, firm, settled, parallel=False):
+def _settle(
+    bones: _Bones,
+    own: int,
+    moved: Sequence[Floats],
+    turn: Floats,
+    scale: float,
+    firm: bool,
+    settled: dict[int, Floats],
+    parallel: bool = False,
+) -> Placed:
     """A bone whose ends were moved, but for joints that are settled; what it ends in is settled then.
 
     One that runs along another keeps its direction.
@@ -215,7 +240,7 @@ def _settle(bones, own, moved, turn, scale, firm, settled, parallel=False):
     return Placed(begin, end, axes, _turned(axes, bones.axes[own], turn), scale, firm)
 
 
-def _whole_body(route):
+def _whole_body(route: Route) -> WholeBody:
     """Images and vertices of the target, and the similarity between them all: its turn and scale."""
     target = route.target_points @ route.target_stretch
     points = route.source_points @ route.source_stretch
@@ -228,7 +253,7 @@ def _whole_body(route):
     return images, target, (left * side) @ right, float((values * side).sum() / spread)
 
 
-def _with_body(bones, bone, whole, settled):
+def _with_body(bones: _Bones, bone: bpy.types.Bone, whole: WholeBody, settled: dict[int, Floats]) -> Placed:
     """A bone that goes with the whole body, from the nearest part of it: a root stays on the ground."""
     images, target, turn, scale = whole
     own = bones.number[bone.name]
@@ -239,7 +264,7 @@ def _with_body(bones, bone, whole, settled):
     return _settle(bones, own, moved, turn, scale, False, settled)
 
 
-def _partners(bones, known):
+def _partners(bones: _Bones, known: Flags) -> Integers:
     """The joint of the other side for each known joint, by names of bones; -1 where these have no side."""
     partner = np.full(len(known), -1)
     joints = {bone.name: ends for bone, ends in zip(bones.list, bones.joint, strict=True)}
@@ -251,7 +276,9 @@ def _partners(bones, known):
     return np.where(partner[known] >= 0, place[partner[known]], -1)
 
 
-def _on_both_halves(route, ends, partner, turned_over, fitted):
+def _on_both_halves(
+    route: Route, ends: Floats, partner: Integers, turned_over: Floats, fitted: tuple[Floats, Floats, Floats]
+) -> tuple[Floats, Floats, Floats]:
     """Fitted joints of a target of which a modifier mirrors one half: symmetric as it is.
 
     A joint on the half that the map knows counts for its partner too, and one in the middle comes to lie in
@@ -280,7 +307,7 @@ def _on_both_halves(route, ends, partner, turned_over, fitted):
     return positions, turns, scales
 
 
-def _influence(source, bones):
+def _influence(source: bpy.types.Object, bones: _Bones) -> list[tuple[Any, ...]]:
     """For each joint the vertices that move with the bones there, with their weights; none for other joints.
 
     At the head of a bone that holds the surface its parent counts too.
@@ -293,7 +320,7 @@ def _influence(source, bones):
         for held, a, b in zip(source.vertex_groups, bounds[:-1], bounds[1:], strict=True)
         if np.count_nonzero(weight[order[a:b]] > LEAST_WEIGHT) >= FEWEST_VERTICES
     }
-    at = [set() for _ in bones.places]
+    at: list[set[str]] = [set() for _ in bones.places]
     for bone, (head, tail) in zip(bones.list, bones.joint, strict=True):
         if bone.name in moved:
             at[head].add(bone.name)

@@ -1,14 +1,23 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A sort of data that can be carried over, declared once for panels, operators and scripts."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import bpy
 
 from ..translation import said
+from ..typed import EnumItem, Options
+
+if TYPE_CHECKING:
+    from .route import Route
 
 
-def _nothing():
+def _nothing() -> None:
     """Write nothing."""
 
 
@@ -22,11 +31,11 @@ class Prepared:
 
     write: Callable[[], None] = _nothing
     notes: Sequence[str] = ()
-    shade: Callable | None = None
+    shade: Callable[[bpy.types.Mesh], None] | None = None
     arrives: bool = True
 
 
-def shading(target, shade):
+def shading(target: bpy.types.Object, shade: Callable[[bpy.types.Mesh], None]) -> Prepared:
     """`Prepared` data that change how the target is shaded."""
     return Prepared(partial(shade, target.data), shade=shade)
 
@@ -44,22 +53,22 @@ class Kind:
 
     identifier: str
     label: str
-    icon: str
+    icon: EnumItem
     description: str
-    names: Callable
-    prepare: Callable
-    options: Mapping = field(default_factory=dict)
+    names: Callable[[bpy.types.Object], list[str]]
+    prepare: Callable[[Route, list[str], Options], Prepared]
+    options: Mapping[str, Any] = field(default_factory=dict)
     default: bool = True
     # One and many of its items, in the summary of a transfer; one word alone is not counted.
-    words: tuple = ()
-    borrowed: tuple = ()
+    words: tuple[str, ...] = ()
+    borrowed: tuple[str, ...] = ()
 
     @property
-    def shown(self):
+    def shown(self) -> tuple[str, ...]:
         """Names of the options that a panel shows."""
         return (*self.borrowed, *self.options)
 
-    def counted(self, many):
+    def counted(self, many: int) -> str:
         """Words such as "41 groups"."""
         if len(self.words) == 1:
             return said(self.words[0])

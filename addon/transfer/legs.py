@@ -1,10 +1,19 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The legs of a rig at rest: their length, by which steps are scaled, and the direction up."""
 
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations, pairwise
 
+import bpy
 import numpy as np
+
+from ..typed import Floats
+
+# Places (3,) of the heads of bones.
+Heads = Mapping[str, Floats]
 
 # Two limbs are a pair when each of their bones is as long as the other's up to this share of the limb.
 ALIKE = 0.05
@@ -20,24 +29,24 @@ class Legs:
     on which all legs hang.
     """
 
-    joints: tuple
+    joints: tuple[Sequence[str], ...]
     hips: str
 
-    def length(self, heads):
+    def length(self, heads: Heads) -> float:
         """Mean length of the legs, for the places (3,) of all heads."""
         return float(np.mean([_length(leg, heads) for leg in self.joints]))
 
-    def up(self, heads):
+    def up(self, heads: Heads) -> Floats:
         """From the ankles to the joints of the hips, a unit vector."""
         along = np.sum([heads[leg[0]] - heads[leg[-1]] for leg in self.joints], axis=0)
         return along / max(np.linalg.norm(along), np.finfo(float).tiny)
 
-    def ankles(self, heads):
+    def ankles(self, heads: Heads) -> Floats:
         """The middle of the ankles."""
         return np.mean([heads[leg[-1]] for leg in self.joints], axis=0)
 
 
-def legs_of(bones, held, heads):
+def legs_of(bones: Iterable[bpy.types.Bone], held: Container[str], heads: Heads) -> Legs | None:
     """The legs among bones with these heads; those `held` by the surface, and those above such, count.
 
     They are the pair of long limbs that branches off nearest to the root: the legs of a biped, whose root is
@@ -51,7 +60,7 @@ def legs_of(bones, held, heads):
     }
     paths = {}
 
-    def path(name):
+    def path(name: str) -> list[str]:
         if name not in paths:
             ways = [path(child) for child in children[name]]
             paths[name] = [name, *max(ways, key=lambda way: _length([name, *way], heads), default=[])]
@@ -70,26 +79,26 @@ def legs_of(bones, held, heads):
     return Legs(tuple(_to_ankle(limb, heads) for limb in found), hips)
 
 
-def _upwards(bone):
+def _upwards(bone: bpy.types.Bone) -> list[str]:
     return [bone.name, *(above.name for above in bone.parent_recursive)]
 
 
-def _steps(path, heads):
+def _steps(path: Sequence[str], heads: Heads) -> list[float]:
     return [float(np.linalg.norm(heads[b] - heads[a])) for a, b in pairwise(path)]
 
 
-def _length(path, heads):
+def _length(path: Sequence[str], heads: Heads) -> float:
     return sum(_steps(path, heads))
 
 
-def _alike(one, other, heads):
+def _alike(one: Sequence[str], other: Sequence[str], heads: Heads) -> bool:
     steps = _steps(one, heads), _steps(other, heads)
     if len(one) != len(other):
         return False
     return np.abs(np.subtract(*steps)).max(initial=0.0) <= ALIKE * max(map(sum, steps))
 
 
-def _to_ankle(limb, heads):
+def _to_ankle(limb: Sequence[str], heads: Heads) -> Sequence[str]:
     """The joints of a limb up to that at which it bends for good, as a leg does into the foot."""
     for number in range(2, len(limb) - 1):
         leg = heads[limb[number]] - heads[limb[0]]

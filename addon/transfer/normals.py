@@ -1,18 +1,30 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Custom normals, turned as the map turns the surface around each vertex."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
+from ..typed import Floats, Options
 from .coincidence import coincidence
 from .kind import Kind, shading
 
+if TYPE_CHECKING:
+    from .coincidence import Coincidence
+    from .kind import Prepared
+    from .route import Route
 
-def names(source):
+
+def names(source: bpy.types.Object) -> list[str]:
     return ["Custom Normals"] if source.data.has_custom_normals else []
 
 
-def prepare(route, _wanted, _options):
+def prepare(route: Route, _wanted: Sequence[str], _options: Options) -> Prepared:
     to_source, from_target = matrices(route)
     shown = corner_normals(route.body.data).astype(np.float64)
     given = _unit(shown @ to_source.T)
@@ -25,14 +37,14 @@ def prepare(route, _wanted, _options):
     return shading(route.target, lambda mesh: _write(mesh, carried))
 
 
-def _as_they_lie(route, shown, lying):
+def _as_they_lie(route: Route, shown: Floats, lying: Coincidence) -> Floats:
     """The source's normals at the places where the target's corners lie on it."""
     normals = np.einsum("ij,ijc->ic", lying.weights, shown[route.triangle_corners[lying.triangles]])
     # What stands on a surface is moved by the inverse transpose.
     return _unit(normals @ np.linalg.inv(lying.to_target[:3, :3]))
 
 
-def matrices(route, space="OBJECT"):
+def matrices(route: Route, space: str = "OBJECT") -> tuple[Floats, Floats]:
     """What takes normals in a space of the source to its surface as seen, and those of the target's surface
     as seen to its space: (3, 3) each. Lengths do not count. `space` is OBJECT or WORLD.
     """
@@ -44,7 +56,7 @@ def matrices(route, space="OBJECT"):
     return to_source, from_target
 
 
-def _unit(normals):
+def _unit(normals: Floats) -> Floats:
     """Normals of unit length, as Blender wants them. Where opposite ones cancelled out, zero stands for the
     surface's own.
     """
@@ -52,7 +64,7 @@ def _unit(normals):
     return np.divide(normals, length, out=np.zeros_like(normals), where=length > 0.0)
 
 
-def _write(mesh, normals):
+def _write(mesh: bpy.types.Mesh, normals: Floats) -> None:
     # Since 4.5 custom normals are kept in this attribute: those of another domain would stay, unseen by what
     # Blender then sets. Before, an attribute of that name is the artist's.
     own = mesh.attributes.get("custom_normal")
@@ -61,7 +73,7 @@ def _write(mesh, normals):
     mesh.normals_split_custom_set(normals.tolist())
 
 
-def corner_normals(mesh):
+def corner_normals(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
     """Normal of every face corner as shown, (corners, 3) float32."""
     values = np.empty(len(mesh.loops) * 3, np.float32)
     mesh.corner_normals.foreach_get("vector", values)

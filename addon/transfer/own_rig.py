@@ -1,11 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A target that has a rig: it is replaced by the source's, or kept, and the weights go to its bones."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import bpy
 import numpy as np
 
+from ..typed import Entries, Flags, Floats, Integers, Options, Values
 from .copies import comes_from
 from .joints import fitted_bones
 from .weights import armature_modifiers, read_weights, rigs
+
+if TYPE_CHECKING:
+    from .route import Route
 
 AUTO, REPLACE, KEEP = "AUTO", "REPLACE", "KEEP"
 # Two bones of one name are others where what they hold shares less than this of the smaller.
@@ -15,7 +25,7 @@ ANOTHER = 0.05
 ALIKE, NEAR = 0.15, 0.4
 
 
-def own_modifiers(route):
+def own_modifiers(route: Route) -> list[bpy.types.Modifier]:
     """Armature modifiers of the target's meshes that are on, with rigs that do not come from the source."""
     given = rigs(route.source)
     return [
@@ -28,14 +38,14 @@ def own_modifiers(route):
     ]
 
 
-def keeps_rig(route, options):
+def keeps_rig(route: Route, options: Options) -> bool:
     """Whether the target keeps a rig of its own: as chosen, by itself where the source's is not carried."""
     replaced = bool(route.wanted.get("armature"))
     keeps = options.own_rig == KEEP or (options.own_rig == AUTO and not replaced)
     return keeps and bool(own_modifiers(route))
 
 
-def bones_after(route, options):
+def bones_after(route: Route, options: Options) -> dict[str, bool]:
     """Whether each bone that can move the target after the transfer deforms, by its name there."""
     if route.wanted.get("armature") and not keeps_rig(route, options):
         return {
@@ -46,12 +56,14 @@ def bones_after(route, options):
     return {bone.name: bone.use_deform for rig in rigs(route.target) for bone in rig.data.bones}
 
 
-def kept_name(name, rig):
+def kept_name(name: str, rig: bpy.types.Object) -> str:
     """The name under which a group of a rig that is replaced stays."""
     return f"{name} ({rig.name})"
 
 
-def translated(route, names, entries, everything):
+def translated(
+    route: Route, names: Sequence[str], entries: Entries, everything: tuple[Sequence[str], Entries]
+) -> tuple[list[str], Entries, list[tuple[str, str]]]:
     """Weights of groups as weights of the target's own bones.
 
     `entries` (vertex, place in `names`, weight) are carried, `everything` the same of all deforming groups of
@@ -76,20 +88,20 @@ def translated(route, names, entries, everything):
     return [called[number] for number in used], (divided[0], place[divided[1]], divided[2]), pairs
 
 
-def _own_weights(target):
+def _own_weights(target: bpy.types.Object) -> tuple[list[str], Entries]:
     """Names of the target's deforming bones, without locked ones, and its weights on them as entries."""
     locked = {group.name for group in target.vertex_groups if group.lock_weight}
     moving = [bone.name for rig in rigs(target) for bone in rig.data.bones if bone.use_deform]
     bones = list(dict.fromkeys(name for name in moving if name not in locked))
     place = np.full(len(target.vertex_groups) + 1, -1)
-    for group in target.vertex_groups:
-        place[group.index] = bones.index(group.name) if group.name in bones else -1
+    for each in target.vertex_groups:
+        place[each.index] = bones.index(each.name) if each.name in bones else -1
     vertex, group, weight = read_weights(target)
     held = (place[group] >= 0) & (weight > 0.0)
     return bones, (vertex[held], place[group[held]], weight[held])
 
 
-def _together(entries, own, count):
+def _together(entries: Entries, own: Entries, count: int) -> tuple[Integers, Integers]:
     """Numbers of all pairs of entries at one vertex: those of the first, and those of the second, sorted."""
     starts = np.searchsorted(own[0], np.arange(count + 1))
     first, many = starts[entries[0]], np.diff(starts)[entries[0]]
@@ -98,7 +110,9 @@ def _together(entries, own, count):
     return entry, first[entry] + within
 
 
-def _partners(route, names, entries, bones, own):
+def _partners(
+    route: Route, names: Sequence[str], entries: Entries, bones: Sequence[str], own: Entries
+) -> Flags:
     """Which bones of the target take part in what each group of the source moves: (groups, bones)."""
     area, shape = _vertex_areas(route), (len(names), len(bones))
     entry, other = _together(entries, own, len(area))
@@ -137,7 +151,7 @@ def _partners(route, names, entries, bones, own):
     return linked
 
 
-def _nearness(route, names, bones):
+def _nearness(route: Route, names: Sequence[str], bones: Sequence[str]) -> Floats:
     """How near bones of the target lie to where those of the groups are fitted, (groups, bones), 1 at best.
 
     It falls by e where both ends are apart by the length of the bone; 0 for groups of no bone.
@@ -162,7 +176,7 @@ def _nearness(route, names, bones):
     return near
 
 
-def _divided(entries, own, linked, count):
+def _divided(entries: Entries, own: Entries, linked: Values, count: int) -> Entries:
     """Entries of groups as entries of the bones linked to them, in the proportions of those bones' own."""
     vertex, group, weight = entries
     entry, other = _together(entries, own, count)
@@ -177,11 +191,16 @@ def _divided(entries, own, linked, count):
     )
     vertex, bone, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
     key, joined = np.unique(vertex * linked.shape[1] + bone, return_inverse=True)
-    return key // linked.shape[1], key % linked.shape[1], np.bincount(joined, weight, minlength=len(key))
+    return (
+        key // linked.shape[1],
+        key % linked.shape[1],
+        np.asarray(np.bincount(joined, weight, minlength=len(key)), float),
+    )
 
 
-def _vertex_areas(route):
+def _vertex_areas(route: Route) -> Floats:
     """A third of the triangles around each vertex of the target, (n,)."""
     a, b, c = (route.target_points[route.target_triangles[:, k]] for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
-    return np.bincount(route.target_triangles.ravel(), np.repeat(area, 3), minlength=len(route.target_points))
+    corner = route.target_triangles.ravel()
+    return np.asarray(np.bincount(corner, np.repeat(area, 3), minlength=len(route.target_points)), float)

@@ -1,12 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bones, vertex groups and shape keys that are each other's mirror image, by where they lie on the source."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
+import bpy
 import numpy as np
 from mathutils.kdtree import KDTree
 
+from ..typed import Floats, Options
 from . import companions, shape_keys
 from .sides import Sides, flip_name
 from .weights import read_weights, rigs
+
+if TYPE_CHECKING:
+    from .route import Route
 
 # Two places are mirror images up to this share of the body's size, and a body is symmetric that MOST of it
 # is its own image up to that.
@@ -15,7 +25,7 @@ SAME_PLACE, MOST = 0.02, 0.9
 PROBES = 500
 
 
-def sides(route, options):
+def sides(route: Route, options: Options) -> Sides:
     """How names of the source are written on the target."""
     if not options.mirror_names:
         return Sides()
@@ -30,13 +40,13 @@ def sides(route, options):
     return Sides(True, frozenset(known), partners)
 
 
-def _named(route):
+def _named(route: Route) -> list[bpy.types.Object]:
     """The objects whose names count: both bodies, their rigs, and what hangs on the source."""
     bodies = [route.source, route.target]
     return bodies + [rig for body in bodies for rig in rigs(body)] + companions.hanging(route.source)
 
 
-def _names(obj):
+def _names(obj: bpy.types.Object) -> list[str]:
     keys = getattr(obj.data, "shape_keys", None)
     lists = [
         obj.vertex_groups,
@@ -46,12 +56,13 @@ def _names(obj):
     return [item.name for items in lists for item in items]
 
 
-def _places(route):
+def _places(route: Route) -> dict[str, Floats]:
     """Two points for each name, (2, 3), in the source's coordinates.
 
     The ends of a bone; of a group the middle of what it moves, and of a key that and where it moves to.
     """
-    source, points, places = route.source, route.source_points, {}
+    source, points = route.source, route.source_points
+    places: dict[str, Floats] = {}
     for rig in rigs(source):
         to_source = np.array(source.matrix_world.inverted_safe() @ rig.matrix_world)
         for bone in rig.data.bones:
@@ -75,7 +86,7 @@ def _places(route):
     return places
 
 
-def _mirrored(places, points):
+def _mirrored(places: Mapping[str, Floats], points: Floats) -> dict[str, str]:
     """For each name that of its mirror image across the plane of symmetry, {} for a body without one."""
     names, at = list(places), np.array(list(places.values()))
     low, high = points.min(axis=0), points.max(axis=0)
@@ -84,7 +95,7 @@ def _mirrored(places, points):
         (axis, middle) for axis in range(3) for middle in (0.0, (low[axis] + high[axis]) / 2.0)
     )
     off = {mirror: _asymmetry(points, *mirror) for mirror in mirrors} if names else {}
-    mirror = min(off, key=off.get, default=None)
+    mirror = min(off, key=off.__getitem__, default=None)
     if mirror is None or off[mirror] > reach:
         return {}
     # What lies in the mirror is its own image.
@@ -95,13 +106,13 @@ def _mirrored(places, points):
     return {names[k]: names[nearest[k]] for k in own[found]}
 
 
-def _image(points, axis, middle):
+def _image(points: Floats, axis: int, middle: float) -> Floats:
     image = points.copy()
     image[..., axis] = 2.0 * middle - image[..., axis]
     return image
 
 
-def _asymmetry(points, axis, middle):
+def _asymmetry(points: Floats, axis: int, middle: float) -> float:
     """How far most of the body's vertices lie from its mirror image."""
     tree = KDTree(len(points))
     for number, point in enumerate(points.tolist()):

@@ -1,19 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What of an object is rigid while it follows the target's surface."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
+
+from ..typed import Flags, Floats, Integers
+
+if TYPE_CHECKING:
+    from .route import Route
 
 # A connected piece smaller than this share of the source's size is rigid: an eye stays round.
 RIGID_SHARE = 0.1
 
 
-def is_small(route, extents):
+def is_small(route: Route, extents: Floats) -> Flags | np.bool_:
     """Whether pieces of these extents (..., 3), in the source's stretched coordinates, are rigid."""
     size = np.linalg.norm(np.ptp(route.source_points @ route.source_stretch, axis=0))
     return np.linalg.norm(extents, axis=-1) < RIGID_SHARE * size
 
 
-def pieces(route, points, edges):
+def pieces(route: Route, points: Floats, edges: Integers) -> Integers:
     """A number for each small piece of points that edges connect; −1 for points of large ones."""
     piece = np.arange(len(points))
     while True:

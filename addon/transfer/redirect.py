@@ -1,14 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What came from the source looks at the target: drivers, constraints and modifiers of the copies."""
 
+from __future__ import annotations
+
 import re
+from collections.abc import Iterable, Sequence
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
 from .. import mesh_read
+from ..typed import Exchanged
 from . import armatures, attachment, companions, shape_keys
 from .weights import rigs
+
+if TYPE_CHECKING:
+    from ..outfit.bones import Names
+    from .route import Route
+    from .sides import Sides
 
 # A bone or shape key in a data path.
 NAMED = re.compile(r'((?:bones|key_blocks)\[")((?:[^"\\]|\\.)*)("\])')
@@ -24,7 +34,7 @@ PARTS = {
 }
 
 
-def redirect(route, routes):
+def redirect(route: Route, routes: Sequence[Route]) -> None:
     """Exchange the source, its mesh, keys, rigs and companions for the target's, where copies name them.
 
     `routes` lead to all meshes of the target, each of which stands for what answers to it most.
@@ -49,8 +59,8 @@ def redirect(route, routes):
     for way in routes:
         keys = way.target.data.shape_keys
         if keys is not None and keys.animation_data is not None:
-            own = exchanged | _with_data(way.answering[0], way.target)
-            point_drivers([c for c in keys.animation_data.drivers if _key(c) in carried], own, route.sides)
+            there = exchanged | _with_data(way.answering[0], way.target)
+            point_drivers([c for c in keys.animation_data.drivers if _key(c) in carried], there, route.sides)
     for obj in [own for _, own in fitted] + copies:
         for held in (obj, obj.data, getattr(obj.data, "shape_keys", None)):
             if held is not None and held.animation_data is not None:
@@ -70,7 +80,7 @@ def redirect(route, routes):
         finish()
 
 
-def _with_data(before, after):
+def _with_data(before: bpy.types.Object, after: bpy.types.Object) -> Exchanged:
     """An object, its data and its shape keys → the other's."""
     exchanged = {before: after, before.data: after.data}
     keys, own = (getattr(obj.data, "shape_keys", None) for obj in (before, after))
@@ -79,13 +89,13 @@ def _with_data(before, after):
     return exchanged
 
 
-def _key(curve):
+def _key(curve: bpy.types.FCurve) -> str | None:
     """Name of the shape key that a driver moves, or None."""
     found = NAMED.search(curve.data_path)
     return found and bpy.utils.unescape_identifier(found[2])
 
 
-def point_drivers(curves, exchanged, sides):
+def point_drivers(curves: Iterable[bpy.types.FCurve], exchanged: Exchanged, sides: Sides | Names) -> None:
     """Exchange what drivers look at, and the side of bones and keys named there."""
     for curve in curves:
         for variable in curve.driver.variables:
@@ -97,13 +107,13 @@ def point_drivers(curves, exchanged, sides):
                 seen.data_path = NAMED.sub(partial(_named, sides), seen.data_path)
 
 
-def _named(sides, found):
+def _named(sides: Sides | Names, found: re.Match[str]) -> str:
     begin, name, end = found.groups()
     name = sides.of(bpy.utils.unescape_identifier(name))
     return begin + bpy.utils.escape_identifier(name) + end
 
 
-def point(holder, exchanged, sides):
+def point(holder: Any, exchanged: Exchanged, sides: Sides | Names) -> None:
     """Exchange what a modifier or constraint points to, and the side of a bone or group named in that."""
     for item in [holder, *getattr(holder, "targets", ())]:
         for prop in item.bl_rna.properties:

@@ -13,11 +13,16 @@ too. That is linear in quaternions, and `σ L S` takes places to places, `σ` be
 is: its legs for what carries the body, its surroundings for other bones.
 """
 
+from __future__ import annotations
+
+from collections.abc import Container, Mapping, Sequence
 from dataclasses import dataclass
 
+import bpy
 import numpy as np
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
+from ..typed import Floats
 from .legs import legs_of
 
 # Bodies whose axes differ by less than this, degrees, from whole quarter turns face alike.
@@ -32,17 +37,26 @@ SHORTEST_LIMB = 1e-4
 class Rest:
     """A bone at rest: `turn` (3, 3) and `head` (3,) in its rig, the same in the world, and its limb there."""
 
-    turn: np.ndarray
-    head: np.ndarray
-    world_turn: np.ndarray
-    world_head: np.ndarray
-    limb: np.ndarray
+    turn: Floats
+    head: Floats
+    world_turn: Floats
+    world_head: Floats
+    limb: Floats
 
 
 class Fitting:
     """What takes keys of a rig to keys of the fitted one."""
 
-    def __init__(self, rig, own, named, held, mirrors, growth, bodies):
+    def __init__(
+        self,
+        rig: bpy.types.Object,
+        own: bpy.types.Object,
+        named: Mapping[str, str],
+        held: set[str],
+        mirrors: bool,
+        growth: Mapping[str, float],
+        bodies: tuple[bpy.types.Object, bpy.types.Object],
+    ) -> None:
         """`named` are the fitted bones' names, `held` the bones that move the surface, `mirrors` whether left
         became right, `growth` how much larger the surroundings of each bone are, and `bodies` the two mesh
         objects.
@@ -55,7 +69,8 @@ class Fitting:
         )
         main = {bone.name: _main_child(bone) for bone in bones}
         self.source = {name: _rest(rig, name, main[name]) for name in self.order}
-        self.target = {name: _rest(own, named[name], main[name] and named[main[name]]) for name in self.order}
+        ends = {name: None if child is None else named[child] for name, child in main.items()}
+        self.target = {name: _rest(own, named[name], ends[name]) for name in self.order}
         self.facing = _facing(self.source, self.target, held, mirrors, bodies)
         rigs = [turn_of(obj.matrix_world) for obj in (rig, own)]
         side = np.sign(np.linalg.det(self.facing) * np.linalg.det(rigs[0]) * np.linalg.det(rigs[1]))
@@ -76,26 +91,29 @@ class Fitting:
         self.units = scale_of(rig) / scale_of(own)
         self.carrying = self._carrying()
 
-    def _carrying(self):
+    def _carrying(self) -> set[str]:
         """The bones that carry the whole body: that on which the legs hang, and those above it."""
         if self.legs is None:
             return {name for name in self.order if self.rig.data.bones[name].parent is None}
         hips = self.rig.data.bones[self.legs.hips]
         return {hips.name, *(bone.name for bone in hips.parent_recursive)}
 
-    def is_led(self, name):
+    def is_led(self, name: str) -> bool:
         """Whether a constraint, not a key, decides how a bone is turned."""
         return any(
             not constraint.mute and constraint.influence > 0.0
             for constraint in self.rig.pose.bones[name].constraints
         )
 
-    def rests_to_turn(self, keyed, basis):
+    def rests_to_turn(
+        self, keyed: Container[str], basis: Mapping[str, Floats]
+    ) -> tuple[dict[str, Floats], dict[str, Floats]]:
         """For each bone `L`, and `F`, which is `N` where its turn is fitted.
 
         `keyed` are the bones whose turns are fitted; the others keep `basis`, their turn as they are posed.
         """
-        left, offset = {}, {}
+        left: dict[str, Floats] = {}
+        offset: dict[str, Floats] = {}
         world = [turn_of(obj.matrix_world) for obj in (self.rig, self.own)]
         for name in self.order:
             source, target, side = self.source[name], self.target[name], self.side
@@ -115,7 +133,7 @@ class Fitting:
                 offset[name] = (left[name] @ side @ basis[name] @ side).T @ basis[name]
         return left, offset
 
-    def shift(self):
+    def shift(self) -> Floats:
         """How far the hips move up for the feet to stand as at rest when the target rests as the source."""
         if self.legs is None:
             return np.zeros(3)
@@ -126,7 +144,7 @@ class Fitting:
         up = _squared(self.legs.up(rest), self.own)
         return ((self.legs.ankles(rest) - self.legs.ankles(posed)) @ up) * up
 
-    def _posed_heads(self, left, offset):
+    def _posed_heads(self, left: Mapping[str, Floats], offset: Mapping[str, Floats]) -> dict[str, Floats]:
         """Heads of the target in the world while the source is at rest."""
         turns, heads = {}, {}
         for name in self.order:
@@ -144,12 +162,12 @@ class Fitting:
             turns[name] = inherited @ turn
         return heads
 
-    def size(self, name):
+    def size(self, name: str) -> float:
         """How much longer places of a bone are, in the units of the two rigs."""
         return self.units * (self.steps if name in self.carrying else self.growth[name])
 
 
-def _main_child(bone):
+def _main_child(bone: bpy.types.Bone) -> str | None:
     """The name of the child in whose head the limb of a bone ends, or None where it is the bone's tail."""
     joined = [child for child in bone.children if child.use_connect]
     if joined:
@@ -162,7 +180,7 @@ def _main_child(bone):
     return apart[0].name if len(apart) == 1 else None
 
 
-def _rest(rig, name, child):
+def _rest(rig: bpy.types.Object, name: str, child: str | None) -> Rest:
     bone = rig.data.bones[name]
     turn, head = np.array(bone.matrix_local.to_3x3()), np.array(bone.head_local)
     world = np.array(rig.matrix_world)
@@ -173,22 +191,28 @@ def _rest(rig, name, child):
     return Rest(turn, head, turn_of(rig.matrix_world) @ turn, world[:3, :3] @ head + world[:3, 3], limb)
 
 
-def turn_of(matrix):
+def turn_of(matrix: Matrix | Floats) -> Floats:
     """The turn, or mirroring turn, of a matrix, (3, 3)."""
     left, _, right = np.linalg.svd(np.array(matrix, np.float64)[:3, :3])
     return left @ right
 
 
-def scale_of(obj):
+def scale_of(obj: bpy.types.Object) -> float:
     return float(np.cbrt(abs(np.linalg.det(np.array(obj.matrix_world)[:3, :3]))))
 
 
-def _shortest_turn(direction, wanted):
+def _shortest_turn(direction: Floats, wanted: Floats) -> Floats:
     """The smallest turn, (3, 3), that takes one unit vector to another."""
-    return np.array(Vector(direction).rotation_difference(Vector(wanted)).to_matrix())
+    return np.array(Vector([*direction]).rotation_difference(Vector([*wanted])).to_matrix())
 
 
-def _facing(source, target, held, mirrors, bodies):
+def _facing(
+    source: Mapping[str, Rest],
+    target: Mapping[str, Rest],
+    held: set[str],
+    mirrors: bool,
+    bodies: tuple[bpy.types.Object, bpy.types.Object],
+) -> Floats:
     """What turns the source's body as it stands at rest to the target's, (3, 3), mirroring if the map does.
 
     Joints and bones' axes tell it up to what differs in their poses. Bodies that stand by quarter turns to
@@ -206,7 +230,7 @@ def _facing(source, target, held, mirrors, bodies):
     return nearest if _angle(nearest @ found.T) < QUARTERS else found
 
 
-def _marks(rests, names, size):
+def _marks(rests: Mapping[str, Rest], names: Sequence[str], size: float) -> Floats:
     """Heads of bones, and places beside them along those axes of theirs that no mirroring turns over."""
     middle = np.mean([rests[name].world_head for name in names], axis=0)
     ends = [rests[name].world_head - middle for name in names]
@@ -214,18 +238,18 @@ def _marks(rests, names, size):
     return np.array(ends + axes)
 
 
-def _quarters(turn):
+def _quarters(turn: Floats) -> list[Floats]:
     """The whole quarter turn, mirroring or not, next to a turn, in a list: none between two of them."""
     nearest = np.rint(turn)
     return [nearest] if np.allclose(nearest @ nearest.T, np.eye(3)) else []
 
 
-def _angle(turn):
+def _angle(turn: Floats) -> float:
     """Of a turn that is no mirroring one, degrees."""
     return np.degrees(np.arccos(np.clip((np.trace(turn) - 1.0) / 2.0, -1.0, 1.0)))
 
 
-def _squared(direction, obj):
+def _squared(direction: Floats, obj: bpy.types.Object) -> Floats:
     """The axis of the scene or of an object next to a direction, or itself where none is near."""
     axes = np.vstack([np.eye(3), turn_of(obj.matrix_world).T])
     axes = np.vstack([axes, -axes])

@@ -1,16 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Copies of a rig's actions for the rig that was fitted to the target, with turns and places fitted to it."""
 
+from __future__ import annotations
+
 import re
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
 from mathutils import Euler, Matrix, Quaternion
 
+from ..typed import Floats
 from .actions import action_users, copy_tracks, curve_lists, curves_used, give_action
 from .copies import MADE_FROM, ORIGINAL, copied
 from .curve_maps import Curves, remap
 from .rest_poses import scale_of, turn_of
+
+if TYPE_CHECKING:
+    from .actions import ActionUser
+    from .rest_poses import Fitting
 
 # A bone in the path of a curve, and its property.
 POSE_PATH = re.compile(r'pose\.bones\["((?:[^"\\]|\\.)*)"\]\.(.*)')
@@ -22,7 +31,7 @@ AT_REST = 1e-3
 ROUNDING = 1e-5
 
 
-def fit_actions(fitting, fresh):
+def fit_actions(fitting: Fitting, fresh: bool) -> None:
     """Give the fitted rig copies of the source rig's actions, with turns and places fitted.
 
     Not `fresh`: it has some from before, which are made anew from their originals; others are the artist's.
@@ -43,26 +52,29 @@ def fit_actions(fitting, fresh):
     fitting.own.update_tag()
 
 
-def keep_actions(fitting, fresh):
+def keep_actions(fitting: Fitting, fresh: bool) -> None:
     """Give the fitted rig the source rig's actions as they are, where it has fitted ones from before."""
     for user, action, slot in () if fresh else _pairs(fitting.rig, fitting.own, fresh):
         _exchange(user, action, slot)
 
 
-def _exchange(user, action, slot):
+def _exchange(user: ActionUser, action: bpy.types.Action, slot: Any) -> None:
     before = user.action
     give_action(user, action, slot)
     if before != action and MADE_FROM in before and not before.users:
         bpy.data.actions.remove(before)
 
 
-def _pairs(rig, own, fresh):
+def _pairs(
+    rig: bpy.types.Object, own: bpy.types.Object, fresh: bool
+) -> list[tuple[ActionUser, bpy.types.Action, Any]]:
     """Users of an action on the fitted rig, each with the original of the source rig, and its slot."""
     given = action_users(rig)
-    if not fresh and given and not any(user.action for user in action_users(own)):
+    held = rig.animation_data
+    if not fresh and held is not None and not any(user.action for user in action_users(own)):
         # What moves the source's rig came after the fitted one.
         fresh = True
-        copy_tracks(rig.animation_data, own.animation_data or own.animation_data_create())
+        copy_tracks(held, own.animation_data or own.animation_data_create())
     if fresh:
         users = zip(action_users(own), given, strict=True)
         pairs = [(user, other.action, getattr(other, "action_slot", None)) for user, other in users]
@@ -79,7 +91,7 @@ def _pairs(rig, own, fresh):
     return found
 
 
-def _rename(user, fitting):
+def _rename(user: ActionUser, fitting: Fitting) -> None:
     """Curves move the fitted bones, and nothing that moves the rig as an object."""
     for curves in curve_lists(user.action, getattr(user, "action_slot", None)):
         for curve in list(curves):
@@ -93,11 +105,11 @@ def _rename(user, fitting):
                 curve.data_path = _path(fitting.named[name], found[2])
 
 
-def _path(name, setting):
+def _path(name: str, setting: str) -> str:
     return f'pose.bones["{bpy.utils.escape_identifier(name)}"].{setting}'
 
 
-def _fit(user, fitting, animated):
+def _fit(user: ActionUser, fitting: Fitting, animated: set[str]) -> None:
     """Fit the curves of an action; `animated` are the paths that this or another action of the rig moves."""
     rig, named = fitting.rig, fitting.named
     lists = curve_lists(user.action, getattr(user, "action_slot", None)) if curves_used(user) else ()
@@ -130,13 +142,13 @@ def _fit(user, fitting, animated):
         _fit_place(curves, fitting, name, left[name], shift, whole)
 
 
-def _is_laid_over(user, own):
+def _is_laid_over(user: ActionUser, own: bpy.types.Object) -> bool:
     """Whether an action is laid over strips of other tracks, which then turn the bones that it does not."""
     held = own.animation_data
     shown = [track for track in held.nla_tracks if not track.mute and held.use_nla]
     if user == held:
         return any(not strip.mute for track in shown for strip in track.strips)
-    below = []
+    below: list[bpy.types.NlaStrip] = []
     for track in shown:
         if user in track.strips.values():
             return any(
@@ -147,14 +159,21 @@ def _is_laid_over(user, own):
     return False
 
 
-def _turning(bone):
+def _turning(bone: bpy.types.PoseBone) -> str:
     """The property by which a posed bone is turned."""
     return {"QUATERNION": "rotation_quaternion", "AXIS_ANGLE": "rotation_axis_angle"}.get(
         bone.rotation_mode, "rotation_euler"
     )
 
 
-def _fit_turn(curves, own, bone, left, right, side):
+def _fit_turn(
+    curves: Curves,
+    own: bpy.types.PoseBone,
+    bone: bpy.types.PoseBone,
+    left: Floats,
+    right: Floats,
+    side: Floats,
+) -> None:
     """Curves of a bone's turn: `B` becomes `left (S B S) right`."""
     setting = _turning(bone)
     matrix = _product(left, right, side)
@@ -166,7 +185,7 @@ def _fit_turn(curves, own, bone, left, right, side):
         remap(curves, path, 4, defaults, lambda values: values @ matrix.T, linear=True)
     elif setting == "rotation_axis_angle":
 
-        def turned_axis(values):
+        def turned_axis(values: Floats) -> Floats:
             given = np.array([Quaternion(value[1:], value[0]) for value in values.tolist()]) @ matrix.T
             return _continuous_axes(given)
 
@@ -174,19 +193,19 @@ def _fit_turn(curves, own, bone, left, right, side):
     else:
         order = bone.rotation_mode
 
-        def turned(values):
+        def turned(values: Floats) -> Floats:
             given = np.array([Euler(value, order).to_quaternion() for value in values.tolist()]) @ matrix.T
             return _continuous_eulers(given, order)
 
         remap(curves, path, 3, defaults, turned, linear=False)
 
 
-def _product(left, right, side):
+def _product(left: Floats, right: Floats, side: Floats) -> Floats:
     """What takes quaternions to `left (S q S) right`, (4, 4)."""
     a, b = (np.array(Matrix(turn.tolist()).to_quaternion()) for turn in (left, right))
     mirrored = np.diag((1.0, 1.0, 1.0, 1.0) if side[0, 0] > 0.0 else (1.0, 1.0, -1.0, -1.0))
 
-    def columns(product):
+    def columns(product: Callable[[Quaternion], Quaternion]) -> Floats:
         return np.array([product(Quaternion(one)) for one in np.eye(4).tolist()]).T
 
     first = columns(lambda one: Quaternion(a.tolist()) @ one)
@@ -194,7 +213,7 @@ def _product(left, right, side):
     return first @ second @ mirrored
 
 
-def _continuous_eulers(quaternions, order):
+def _continuous_eulers(quaternions: Floats, order: str) -> Floats:
     """Angles in which no step is longer than it has to be."""
     found, before = [], None
     for value in quaternions.tolist():
@@ -204,7 +223,7 @@ def _continuous_eulers(quaternions, order):
     return np.array(found).reshape(-1, 3)
 
 
-def _continuous_axes(quaternions):
+def _continuous_axes(quaternions: Floats) -> Floats:
     found, before = [], None
     for value in quaternions.tolist():
         turn = Quaternion(value)
@@ -212,11 +231,11 @@ def _continuous_axes(quaternions):
             turn.negate()
         before = turn
         axis, angle = turn.to_axis_angle()
-        found.append((angle, *axis))
+        found.append((angle, *axis[:]))
     return np.array(found).reshape(-1, 4)
 
 
-def _rest_turn(curves, own, turn):
+def _rest_turn(curves: Curves, own: bpy.types.PoseBone, turn: Floats) -> None:
     """One key for a bone that is not keyed, where the target rests otherwise than the source."""
     quaternion = Matrix(turn.tolist()).to_quaternion()
     if quaternion.angle < AT_REST:
@@ -226,18 +245,18 @@ def _rest_turn(curves, own, turn):
         values = quaternion[:]
     elif setting == "rotation_axis_angle":
         axis, angle = quaternion.to_axis_angle()
-        values = (angle, *axis)
+        values = (angle, *axis[:])
     else:
         values = quaternion.to_euler(own.rotation_mode)[:]
     _one_key(curves, _path(own.name, setting), values)
 
 
-def _one_key(curves, path, values):
+def _one_key(curves: Curves, path: str, values: Iterable[float]) -> None:
     for index, value in enumerate(values):
         curves.new(path, index).keyframe_points.insert(1.0, value)
 
 
-def _fit_place(curves, fitting, name, left, shift, whole):
+def _fit_place(curves: Curves, fitting: Fitting, name: str, left: Floats, shift: Floats, whole: bool) -> None:
     """Curves of a bone's place, and its shift where it carries the body or leads limbs."""
     own, bone = fitting.own.pose.bones[fitting.named[name]], fitting.rig.pose.bones[name]
     path = _path(own.name, "location")
@@ -250,12 +269,12 @@ def _fit_place(curves, fitting, name, left, shift, whole):
     if np.abs(matrix - np.eye(3)).max() < ROUNDING and not constant.any():
         return
     if path in curves.paths:
-        remap(curves, path, 3, list(bone.location), lambda values: values @ matrix.T + constant, linear=True)
+        remap(curves, path, 3, bone.location[:], lambda values: values @ matrix.T + constant, linear=True)
     elif whole and np.linalg.norm(constant) * scale_of(fitting.own) > AT_REST * fitting.leg:
         _one_key(curves, path, matrix @ np.array(bone.location) + constant)
 
 
-def _constant(fitting, name, shift):
+def _constant(fitting: Fitting, name: str, shift: Floats) -> Floats:
     """What is added to a bone's place, in its own axes at rest and the rig's units."""
     if fitting.legs is not None and name == fitting.legs.hips:
         added = shift
@@ -271,7 +290,7 @@ def _constant(fitting, name, shift):
     return axes.T @ added / scale_of(fitting.own)
 
 
-def _leading(fitting):
+def _leading(fitting: Fitting) -> set[str]:
     """Bones that lead limbs by inverse kinematics, and neither they nor bones above them hold the surface."""
     found = set()
     for bone in fitting.rig.pose.bones:

@@ -1,16 +1,28 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The way from source to target: a stored match together with both meshes' faces and corners."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 from mathutils import Matrix
+from numpy.typing import NDArray
 
 from .. import character, completion, core, mesh_read, mesh_write
 from ..mesh_read import UnusableObjectError
+from ..typed import Flags, Floats, Integers, Values
 from .sides import Sides
+
+if TYPE_CHECKING:
+    from sgmds import SurfaceMap
+
+    from .joined import View
+    from .kind import Prepared
 
 # A scale is even up to this: matrices are in single precision.
 EVEN = 1e-5
@@ -30,42 +42,45 @@ class Route:
     `prepared` is what is ready of it.
     """
 
-    def __init__(self, target, view):
+    def __init__(self, target: bpy.types.Object, view: View) -> None:
         self.view, self.source, self.body, self.target = view, view.object, view.body, target
-        self.targets = [target]
+        self.targets: Sequence[bpy.types.Object] = [target]
         # What is done with fitted rigs once all copies look at one another.
-        self.fitted = []
-        self.wanted, self.sides, self.uv_names, self.prepared = {}, Sides(), {}, []
+        self.fitted: list[Callable[[], object]] = []
+        self.wanted: dict[str, list[str]] = {}
+        self.sides = Sides()
+        self.uv_names: dict[str, str] = {}
+        self.prepared: list[Prepared] = []
         self.triangle_corners, self.triangle_faces = view.triangle_corners, view.triangle_faces
         self.triangles = mesh_read.corner_vertices(self.body.data)[self.triangle_corners]
         self.faces = mesh_read.face_starts(target.data), mesh_read.corner_vertices(target.data)
 
-    def anew(self):
+    def anew(self) -> Route:
         """The same way to the target as it is now, with nothing prepared."""
         route = Route(self.target, self.view)
         route.wanted, route.sides, route.uv_names = self.wanted, self.sides, self.uv_names
         return route
 
     @cached_property
-    def source_points(self):
+    def source_points(self) -> NDArray[np.float64]:
         """Coordinates of the source's body, (n_source, 3)."""
         return mesh_read.positions(self.body.data).astype(np.float64)
 
-    def shown_places(self, points):
+    def shown_places(self, points: Floats) -> Floats:
         """Places of the body's vertices where the source's vertices are at `points`, (n, 3)."""
         return self.view.shown(points)
 
     @cached_property
-    def target_points(self):
+    def target_points(self) -> NDArray[np.float64]:
         """Target coordinates, (n_target, 3)."""
         return mesh_read.positions(self.target.data).astype(np.float64)
 
     @cached_property
-    def _target_fans(self):
+    def _target_fans(self) -> tuple[Integers, Integers]:
         return mesh_read.triangle_corners(self.target.data)
 
     @contextmanager
-    def mesh_as_written(self):
+    def mesh_as_written(self) -> Iterator[bpy.types.Mesh]:
         """The target's mesh as what is `prepared` will shade it: a copy, removed in the end, or itself."""
         shades = [part.shade for part in self.prepared if part.shade is not None]
         if not shades:
@@ -81,13 +96,13 @@ class Route:
             bpy.data.meshes.remove(mesh)
 
     @cached_property
-    def answering(self):
+    def answering(self) -> list[bpy.types.Object]:
         """The meshes of the source on which the target has images, that with the most of them first."""
         piece, _, _, _ = mesh_write.read_places(self.target.data)
         count = np.bincount(piece, minlength=len(self.view.pieces))
         return [self.view.pieces[number] for number in np.argsort(-count, kind="stable") if count[number]]
 
-    def keys_with(self, name):
+    def keys_with(self, name: str) -> bpy.types.Key:
         """The source's own shape keys that one of this name comes from, of the first mesh that has it."""
         for obj in (*self.answering, *self.view.pieces):
             keys = obj.data.shape_keys
@@ -96,35 +111,42 @@ class Route:
         return self.source.data.shape_keys
 
     @property
-    def target_corners(self):
+    def target_corners(self) -> Integers:
         """Corners of the target's triangles, (m, 3)."""
         return self._target_fans[0]
 
     @property
-    def target_triangle_faces(self):
+    def target_triangle_faces(self) -> Integers:
         """Faces of the target's triangles, (m,)."""
         return self._target_fans[1]
 
-    def surfaces(self, triangles):
+    def surfaces(self, triangles: Integers) -> list[tuple[bpy.types.Object, Flags, Integers]]:
         """The target's meshes: the object, which of these triangles are on it, (m,), and their corners."""
         return [(self.target, np.ones(len(triangles), bool), self.target_corners[triangles])]
 
     @cached_property
-    def carried_slots(self):
+    def carried_slots(self) -> Integers:
         """The source's material slot that each face of the target gets, (faces,)."""
         return self.map.face_labels(*self.faces, mesh_read.slots_shown(self.body)[self.triangle_faces])
 
     @cached_property
-    def target_triangles(self):
+    def target_triangles(self) -> Integers:
         """Vertices of the target's triangles, (m, 3)."""
         return mesh_read.corner_vertices(self.target.data)[self.target_corners]
 
     @cached_property
-    def map(self):
+    def map(self) -> SurfaceMap:
         """The core's `SurfaceMap`; weights are brought back to a sum of one from single precision."""
         return self._joined(self.source_points, self.target_points, *stored(self.view, self.target.data))
 
-    def _joined(self, source_points, target_points, face, weights, confidence):
+    def _joined(
+        self,
+        source_points: Floats,
+        target_points: Floats,
+        face: Integers,
+        weights: Floats,
+        confidence: Floats,
+    ) -> SurfaceMap:
         return core.load().SurfaceMap(
             (source_points, self.triangles),
             (target_points, self.target_triangles),
@@ -134,22 +156,22 @@ class Route:
         )
 
     @cached_property
-    def target_mirrors(self):
+    def target_mirrors(self) -> list[completion.Mirror]:
         """The mirrors that complete the target, in the coordinates of its mesh."""
         return completion.mirrors(self.target, self.target_points)
 
     @cached_property
-    def source_stretch(self):
+    def source_stretch(self) -> Floats:
         """How the object's scale stretches the source's coordinates, (3, 3); unity for an even scale."""
         return _stretch(self.source)
 
     @cached_property
-    def target_stretch(self):
+    def target_stretch(self) -> Floats:
         """The same of the target."""
         return _stretch(self.target)
 
     @cached_property
-    def map_as_seen(self):
+    def map_as_seen(self) -> SurfaceMap:
         """The core's `SurfaceMap` of stretched coordinates: `map` itself where both scales are even."""
         if np.array_equal(self.source_stretch, np.eye(3)) and np.array_equal(self.target_stretch, np.eye(3)):
             return self.map
@@ -162,26 +184,26 @@ class Route:
         )
 
     @property
-    def source_to_world(self):
+    def source_to_world(self) -> Matrix:
         """Stretched coordinates of the source → world, 4 × 4."""
         return self.source.matrix_world @ Matrix(np.linalg.inv(self.source_stretch).tolist()).to_4x4()
 
     @property
-    def target_to_world(self):
+    def target_to_world(self) -> Matrix:
         """Stretched coordinates of the target → world, 4 × 4."""
         return self.target.matrix_world @ Matrix(np.linalg.inv(self.target_stretch).tolist()).to_4x4()
 
     @cached_property
-    def face(self):
+    def face(self) -> Integers:
         """Source triangle of each target vertex, (n,)."""
         return self.map.faces
 
     @cached_property
-    def barycentric(self):
+    def barycentric(self) -> Floats:
         """Weights of that triangle's corners, (n, 3)."""
         return self.map.barycentric
 
-    def to_points(self, values):
+    def to_points(self, values: Values) -> Values:
         """Values at source vertices → values at target vertices, weighted in the triangle: (n, ...) → (m,
         ...).
         """
@@ -190,7 +212,7 @@ class Route:
         # Written so that equal corner values come through unchanged to the last bit.
         return first + weights[:, 1] * (second - first) + weights[:, 2] * (third - first)
 
-    def nearest_vertices(self):
+    def nearest_vertices(self) -> Integers:
         """The source vertex nearest to each target vertex's image."""
         strongest = self.barycentric.argmax(axis=1)
         return self.triangles[self.face, strongest]
@@ -202,7 +224,7 @@ class FigureRoute(Route):
     It is for what belongs to the whole character: rigs, and objects that hang on it.
     """
 
-    def __init__(self, targets, view):
+    def __init__(self, targets: Sequence[bpy.types.Object], view: View) -> None:
         super().__init__(targets[0], view)
         self.targets = targets
         self._matrices = character.placed(targets)
@@ -221,7 +243,7 @@ class FigureRoute(Route):
         )
 
     @cached_property
-    def target_points(self):
+    def target_points(self) -> NDArray[np.float64]:
         """Coordinates of all meshes in the space of the first, (n_target, 3)."""
         return np.concatenate(
             [
@@ -231,7 +253,7 @@ class FigureRoute(Route):
         )
 
     @cached_property
-    def _target_fans(self):
+    def _target_fans(self) -> tuple[Integers, Integers]:
         corners, faces = [], []
         for obj, matrix, (_, loops, polygons) in zip(self.targets, self._matrices, self._before, strict=True):
             own_corners, own_faces = mesh_read.triangle_corners(obj.data)
@@ -240,7 +262,7 @@ class FigureRoute(Route):
             faces.append(own_faces + polygons)
         return np.concatenate(corners), np.concatenate(faces)
 
-    def surfaces(self, triangles):
+    def surfaces(self, triangles: Integers) -> list[tuple[bpy.types.Object, Flags, Integers]]:
         """As of one mesh, of each of them."""
         corners = self.target_corners[triangles]
         ends = [*(loops for _, loops, _ in self._before[1:]), len(self.faces[1])]
@@ -251,12 +273,12 @@ class FigureRoute(Route):
         return found
 
     @cached_property
-    def target_triangles(self):
+    def target_triangles(self) -> Integers:
         """Vertices of the triangles of all meshes, (m, 3)."""
         return self.faces[1][self.target_corners]
 
     @cached_property
-    def map(self):
+    def map(self) -> SurfaceMap:
         """The core's `SurfaceMap` onto all meshes."""
         found = [stored(self.view, obj.data) for obj in self.targets]
         return self._joined(
@@ -266,7 +288,7 @@ class FigureRoute(Route):
         )
 
 
-def stored(view, mesh):
+def stored(view: View, mesh: bpy.types.Mesh) -> tuple[Integers, Floats, Floats]:
     """Triangles of the view, weights and confidence that a mesh has of its match."""
     face, weights = view.places(*mesh_write.read_places(mesh))
     weights = np.clip(weights.astype(np.float64), 0.0, None)
@@ -274,7 +296,7 @@ def stored(view, mesh):
     return face, weights / weights.sum(axis=1, keepdims=True), confidence
 
 
-def _stretch(obj):
+def _stretch(obj: bpy.types.Object) -> Floats:
     """The symmetric factor of the object's scale, rotations and reflections, with unit volume: (3, 3).
 
     Reflections of an even scale are left to the map, which finds out whether it mirrors.

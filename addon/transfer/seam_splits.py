@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Faces of the target cut along the images of the source's seams, with everything that they carry."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import combinations
+from typing import TYPE_CHECKING, Any
 
 import bmesh
 import bpy
@@ -11,8 +15,14 @@ import numpy as np
 from .. import landmarks, mesh_read, mesh_write, stored_match
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import read_attribute, write_attribute
+from ..typed import Floats, Integers, Options, Values
 from .layouts import finite_uv, own_maps
 from .normals import corner_normals
+
+if TYPE_CHECKING:
+    from sgmds.transfer import SeamCuts
+
+    from .route import Route
 
 # A layer of face corners that holds custom normals while the mesh is cut.
 NORMALS = "spectral_match_normals"
@@ -20,7 +30,7 @@ MOST_ROUNDS = 5
 
 
 @contextmanager
-def split(route, uv_maps, options):
+def split(route: Route, uv_maps: Sequence[str], options: Options) -> Iterator[tuple[Route, list[str]]]:
     """The route onto the target after its faces were cut along seams of these UV maps, and notes.
 
     Without the options, or where no face straddles, it is the same route. A failure inside takes the cuts
@@ -60,7 +70,7 @@ def split(route, uv_maps, options):
         bpy.data.meshes.remove(before)
 
 
-def _split_all(route, uv_maps, cuts):
+def _split_all(route: Route, uv_maps: Sequence[str], cuts: SeamCuts) -> Route:
     """Cut until nothing is left: where the map is folded, new edges show faces that straddle."""
     for _ in range(MOST_ROUNDS):
         faces = len(route.target.data.polygons)
@@ -72,20 +82,20 @@ def _split_all(route, uv_maps, cuts):
     return route
 
 
-def _cuts(route, uv_maps):
+def _cuts(route: Route, uv_maps: Sequence[str]) -> SeamCuts:
     layers = [finite_uv(route.body.data, name)[route.triangle_corners] for name in uv_maps]
     return route.map.seam_cuts(*route.faces, np.concatenate(layers, axis=2))
 
 
 @contextmanager
-def _kept_landmarks(mesh):
+def _kept_landmarks(mesh: bpy.types.Mesh) -> Iterator[None]:
     """Vertices keep their numbers, so landmarks keep theirs."""
     old = mesh_read.fingerprint(mesh).topology
     yield
     landmarks.follow(mesh, old, mesh_read.fingerprint(mesh).topology)
 
 
-def _restore(mesh, before):
+def _restore(mesh: bpy.types.Mesh, before: bpy.types.Mesh) -> None:
     edited = bmesh.new()
     try:
         edited.from_mesh(before)
@@ -97,7 +107,7 @@ def _restore(mesh, before):
     stored_match.forget_fingerprint(mesh)
 
 
-def _apply(route, cuts):
+def _apply(route: Route, cuts: SeamCuts) -> None:
     mesh = route.target.data
     before = route.view.places(*mesh_write.read_places(mesh))
     normals = corner_normals(mesh) if mesh.has_custom_normals else None
@@ -123,10 +133,11 @@ def _apply(route, cuts):
     _extend_match(route, cuts, number, *before)
 
 
-def _cut(edited, cuts):
+def _cut(edited: bmesh.types.BMesh, cuts: SeamCuts) -> list[Any]:
     """Make the points and cuts; returns vertices and points by number, None for a point that was not made."""
     count = len(edited.verts)
-    made, faces = list(edited.verts), list(edited.faces)
+    made: list[Any] = list(edited.verts)
+    faces = list(edited.faces)
     last, reached = (-1, -1), 0.0
     for (a, b), share in zip(cuts.edges.tolist(), cuts.shares.tolist(), strict=True):
         if a < 0:
@@ -135,11 +146,12 @@ def _cut(edited, cuts):
         # Several points of one edge come in order: each divides what the last one left.
         again = (a, b) == last
         near, reached = (made[-1], reached) if again else (made[a], 0.0)
-        edge = edited.edges.get((near, made[b]))
+        edge = edited.edges.get([near, made[b]])
         _, vert = bmesh.utils.edge_split(edge, near, (share - reached) / (1.0 - reached))
         made.append(vert)
         last, reached = (a, b), share
-    pieces, rims = {}, {}
+    pieces: dict[int, list[bmesh.types.BMFace]] = {}
+    rims: dict[int, tuple[int, list[bmesh.types.BMVert]]] = {}
     for face, begin, end in cuts.cuts.tolist():
         pieces.setdefault(face, [faces[face]])
         if made[end] is None:
@@ -151,7 +163,12 @@ def _cut(edited, cuts):
     return made
 
 
-def _split(pieces, begin, end, coords=()):
+def _split(
+    pieces: list[bmesh.types.BMFace],
+    begin: bmesh.types.BMVert,
+    end: bmesh.types.BMVert,
+    coords: Any = (),
+) -> tuple[bmesh.types.BMFace, bmesh.types.BMFace] | None:
     """Split whichever of the pieces of a face has both vertices; returns its halves, or None."""
     for piece in pieces:
         around = list(piece.verts)
@@ -164,7 +181,9 @@ def _split(pieces, begin, end, coords=()):
     return None
 
 
-def _star(pieces, rim, position):
+def _star(
+    pieces: list[bmesh.types.BMFace], rim: Sequence[bmesh.types.BMVert], position: Sequence[float]
+) -> bmesh.types.BMVert | None:
     """Join a new vertex within a face to vertices on its rim."""
     for begin, end in combinations(rim, 2):
         known = {vert for piece in pieces for vert in piece.verts}
@@ -178,7 +197,9 @@ def _star(pieces, rim, position):
     return None
 
 
-def _extend_match(route, cuts, number, old_faces, old_weights):
+def _extend_match(
+    route: Route, cuts: SeamCuts, number: Values, old_faces: Integers, old_weights: Floats
+) -> None:
     """The stored match of the new vertices, and of those that were moved onto a seam. Blender has mixed what
     is stored of a new vertex out of its neighbours' numbers, which says nothing.
     """

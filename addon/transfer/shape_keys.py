@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Shape keys: displacements in local frames, each relative to its own reference key, with their settings."""
 
+from __future__ import annotations
+
 import re
+from collections.abc import Container, Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
 from ..mesh_read import UnusableObjectError
+from ..typed import Floats, Options
 from .actions import carry_animation
 from .kind import Kind, Prepared
 from .listed import listed
+
+if TYPE_CHECKING:
+    from .route import Route
 
 SETTINGS = ("slider_max", "slider_min", "value", "mute", "interpolation")
 # A key that moves the target by less than this share of what it moves on the source does not reach it: what
@@ -24,12 +32,12 @@ KEY_PATH = re.compile(r'key_blocks\["((?:[^"\\]|\\.)*)"\](.*)')
 DRIVEN = ("value", "mute", "slider_min", "slider_max")
 
 
-def names(source):
+def names(source: bpy.types.Object) -> list[str]:
     keys = source.data.shape_keys
     return [] if keys is None else [block.name for block in keys.key_blocks[1:]]
 
 
-def prepare(route, wanted, options):
+def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     keys = route.source.data.shape_keys
     for obj in (route.source, route.target):
         held = obj.data.shape_keys
@@ -77,12 +85,12 @@ def prepare(route, wanted, options):
     return Prepared(lambda: _write(route, blocks, named, offsets, masks), tuple(notes))
 
 
-def _reach(offsets):
+def _reach(offsets: Floats) -> float:
     """The length of the longest of these displacements."""
     return np.linalg.norm(offsets, axis=1).max(initial=0.0)
 
 
-def _read_by_drivers(keys):
+def _read_by_drivers(keys: bpy.types.Key) -> set[str]:
     """Names of keys whose values drivers of the keys read."""
     drivers = keys.animation_data.drivers if keys.animation_data is not None else ()
     paths = [
@@ -94,11 +102,16 @@ def _read_by_drivers(keys):
     return {bpy.utils.unescape_identifier(found[1]) for path in paths for found in KEY_PATH.finditer(path)}
 
 
-def _left_out(target, blocks, named, still):
+def _left_out(
+    target: bpy.types.Object,
+    blocks: Sequence[bpy.types.ShapeKey],
+    named: Mapping[str, str],
+    still: Container[str],
+) -> list[str]:
     """Which of the still keys are not made: no other carried key builds on them, and the target has none."""
     own = target.data.shape_keys
     needed = set(own.key_blocks.keys()) if own is not None else set()
-    left = []
+    left: list[str] = []
     # Backwards, since each comes after the one it is relative to.
     for block in reversed(blocks):
         if block.name in still and named[block.name] not in needed:
@@ -108,7 +121,7 @@ def _left_out(target, blocks, named, still):
     return left
 
 
-def _in_mirrors(route, offsets):
+def _in_mirrors(route: Route, offsets: Floats) -> Floats:
     """Displacements that leave in its place the rim along which a Mirror modifier completes the target."""
     for mirror in route.target_mirrors:
         rim = mirror.merged(route.target_points)
@@ -116,11 +129,11 @@ def _in_mirrors(route, offsets):
     return offsets
 
 
-def _with_references(keys, wanted):
+def _with_references(keys: bpy.types.Key, wanted: Sequence[str]) -> list[str]:
     """Wanted keys in an order in which each comes after the key it is relative to, those included."""
     ordered = []
 
-    def add(block, above=()):
+    def add(block: bpy.types.ShapeKey, above: tuple[str, ...] = ()) -> None:
         if block == keys.reference_key or block.name in ordered or block.name in above:
             return
         add(block.relative_key, (*above, block.name))
@@ -131,20 +144,26 @@ def _with_references(keys, wanted):
     return ordered
 
 
-def read_key(block):
+def read_key(block: bpy.types.ShapeKey) -> Floats:
     """Coordinates of a shape key, (n, 3)."""
     values = np.empty(len(block.data) * 3, np.float32)
     block.data.foreach_get("co", values)
     return values.reshape(-1, 3).astype(np.float64)
 
 
-def _write(route, blocks, named, offsets, masks):
+def _write(
+    route: Route,
+    blocks: Sequence[bpy.types.ShapeKey],
+    named: Mapping[str, str],
+    offsets: Mapping[str, Floats],
+    masks: Mapping[str, str],
+) -> None:
     target = route.target
     if target.data.shape_keys is None:
         target.shape_key_add(name=blocks[0].id_data.reference_key.name, from_mix=False)
     keys = target.data.shape_keys
     shown = target.active_shape_key_index
-    made = {}
+    made: dict[str, bpy.types.ShapeKey] = {}
     for block in blocks:
         name = named[block.name]
         if name == keys.reference_key.name:
@@ -164,7 +183,7 @@ def _write(route, blocks, named, offsets, masks):
         made[block.name] = own
     target.active_shape_key_index = shown
     _copy_drivers(route, blocks, made)
-    by_keys = {}
+    by_keys: dict[bpy.types.Key, dict[str, str]] = {}
     for block in blocks:
         by_keys.setdefault(route.keys_with(block.name), {})[block.name] = made[block.name].name
     # The tracks are those of the last.
@@ -172,16 +191,20 @@ def _write(route, blocks, named, offsets, masks):
         carry_animation(given, keys, partial(_own_path, named), target)
 
 
-def _own_path(named, path):
+def _own_path(named: Mapping[str, str], path: str) -> str | None:
     """Path of the carried key's property for that of the source's key, None for keys that are not carried."""
     found = KEY_PATH.match(path)
-    name = found and bpy.utils.unescape_identifier(found[1])
+    if found is None:
+        return None
+    name = bpy.utils.unescape_identifier(found[1])
     if name not in named:
         return None
     return f'key_blocks["{bpy.utils.escape_identifier(named[name])}"]{found[2]}'
 
 
-def _copy_drivers(route, blocks, made):
+def _copy_drivers(
+    route: Route, blocks: Sequence[bpy.types.ShapeKey], made: Mapping[str, bpy.types.ShapeKey]
+) -> None:
     """Drivers of the keys' values and settings, instead of those that the target's keys had."""
     held = route.target.data.shape_keys.animation_data
     for block in blocks:
@@ -199,7 +222,7 @@ def _copy_drivers(route, blocks, made):
                 held.drivers.from_existing(src_driver=curve).data_path = path
 
 
-def _path(block, setting):
+def _path(block: bpy.types.ShapeKey, setting: str) -> str:
     return f'key_blocks["{bpy.utils.escape_identifier(block.name)}"].{setting}'
 
 

@@ -1,14 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Parts of the target that lie over each other in its layout: what is baked for one shows on the others."""
 
-from dataclasses import dataclass
+from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import bpy
 import numpy as np
 
 from .. import core, mesh_read
+from ..typed import Flags, Integers
 from .layouts import finite_uv
 from .listed import listed
 from .materials import own_slots
+
+if TYPE_CHECKING:
+    from .route import Route
 
 # Overlap beyond this share of the covered texels is said: below, islands only touch.
 OVERLAP = 0.005
@@ -24,16 +32,16 @@ class Sheets:
     over each other.
     """
 
-    triangles: np.ndarray
-    faces: np.ndarray
-    names: tuple = ("",)
+    triangles: Integers
+    faces: Integers
+    names: tuple[str, ...] = ("",)
 
     @property
-    def numbers(self):
+    def numbers(self) -> range:
         return range(len(self.names))
 
 
-def sheets(route, uv, used):
+def sheets(route: Route, uv: str, used: Flags) -> tuple[Sheets, list[str]]:
     """The parts in which the layout `uv` is baked onto the triangles `used` (m,), and notes on overlap."""
     target = route.target
     whole = Sheets(np.zeros(len(used), int), np.zeros(len(target.data.polygons), int))
@@ -57,14 +65,14 @@ def sheets(route, uv, used):
     return apart, notes + ([_shared(target, uv, max(parts))] if max(parts) > OVERLAP else [])
 
 
-def overlaps(mesh, uv):
+def overlaps(mesh: bpy.types.Mesh, uv: str) -> bool:
     """Whether parts of a mesh lie over each other in its UV map of this name."""
     corners, _ = mesh_read.triangle_corners(mesh)
     points = mesh_read.positions(mesh)[mesh_read.corner_vertices(mesh)[corners]]
     return core.load().judge_layout(points, finite_uv(mesh, uv)[corners])["overlap"] > OVERLAP
 
 
-def _overlap(route, uv, used):
+def _overlap(route: Route, uv: str, used: Flags) -> float:
     """Share of the texels covered by these triangles that more than one of them covers."""
     if not used.any():
         return 0.0
@@ -72,7 +80,7 @@ def _overlap(route, uv, used):
     return core.load().judge_layout(route.target_points[route.target_triangles][used], places)["overlap"]
 
 
-def _shared(target, uv, overlap):
+def _shared(target: bpy.types.Object, uv: str, overlap: float) -> str:
     return (
         f"UV map '{uv}' of '{target.name}' overlaps: {overlap:.0%} of it is used more than once, and shows "
         "the same texels there. That is right for halves that look alike. If others look wrong, unwrap anew "
@@ -80,6 +88,6 @@ def _shared(target, uv, overlap):
     )
 
 
-def _name_of(target, number):
+def _name_of(target: bpy.types.Object, number: int) -> str:
     material = target.material_slots[number].material if number >= 0 else None
     return material.name if material is not None else "Plain"

@@ -7,9 +7,15 @@ A side is a word, a letter or a sign that stands by itself, anywhere in a name: 
 side are partners where they lie so on a symmetric body.
 """
 
+from __future__ import annotations
+
 import re
-from collections.abc import Mapping
+from collections.abc import Container, Iterable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import bpy
 
 from .actions import actions_of, own_actions
 from .listed import listed
@@ -55,7 +61,7 @@ SIDELESS = re.compile(r"(?i)(?:b|f|w|up|copy|out|down)right|cleft|leftover")
 MOST_TOLD = 20
 
 
-def flip_name(name, known=()):
+def flip_name(name: str, known: Container[str] = ()) -> str:
     """The name with its side exchanged, a namespace before a colon left aside; itself where it has none.
 
     What only may be a side is exchanged where that makes one of the `known` names.
@@ -70,16 +76,18 @@ def flip_name(name, known=()):
     return next((flipped for flipped in found if flipped != name and flipped in known), name)
 
 
-def _flips(pattern, name):
+def _flips(pattern: re.Pattern[str], name: str) -> list[str]:
     """The name with all sides that the pattern finds exchanged, in each way of writing the others."""
     ways = max((len(OTHER[side]) for side in pattern.findall(name)), default=0)
-    return [
-        pattern.sub(lambda found, way=way: OTHER[found[0]][min(way, len(OTHER[found[0]]) - 1)], name)
-        for way in range(ways)
-    ]
+    return [pattern.sub(partial(_other, way), name) for way in range(ways)]
 
 
-def looks_sided(name):
+def _other(way: int, found: re.Match[str]) -> str:
+    """The other side of the one found, in the way of this number, or in the last that there is."""
+    return OTHER[found[0]][min(way, len(OTHER[found[0]]) - 1)]
+
+
+def looks_sided(name: str) -> bool:
     """Whether people may read a side in a name, and not both."""
     own = SIDELESS.sub("", name.rpartition(":")[2])
     sides = AT_MOST.findall(own)
@@ -95,16 +103,16 @@ class Sides:
     """
 
     mirrored: bool = False
-    known: frozenset = frozenset()
-    partners: Mapping = field(default_factory=dict)
+    known: frozenset[str] = frozenset()
+    partners: Mapping[str, str] = field(default_factory=dict)
 
-    def of(self, name):
+    def of(self, name: str) -> str:
         if not self.mirrored or not name:
             return name
         flipped = flip_name(name, self.known)
         return self.partners.get(name, name) if flipped == name else flipped
 
-    def of_all(self, names):
+    def of_all(self, names: Iterable[str]) -> tuple[dict[str, str], list[str]]:
         """The target's name for each, and notes about sides that are not exchanged."""
         named = {name: self.of(name) for name in names}
         kept = [name for name, other in named.items() if name == other and looks_sided(name)]
@@ -116,7 +124,7 @@ class Sides:
         ]
 
 
-def rename(items, named, *animated):
+def rename(items: Iterable[Any], named: Mapping[str, str], *animated: bpy.types.ID) -> None:
     """Give bones, vertex groups or shape keys new names, which may be names that others of them have.
 
     Blender renames the paths in actions too: those of the `animated` IDs are copied, for others share them.

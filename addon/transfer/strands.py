@@ -1,23 +1,35 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Hair curves: strands that stand on the target where the map takes their roots, and keep their shape."""
 
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
 import bpy
 import numpy as np
+from mathutils import Matrix
 from mathutils.kdtree import KDTree
 
 from .. import core, mesh_read
 from ..mesh_write import read_attribute, write_attribute
+from ..typed import Floats, Integers, Options
 from .attachment import in_source, placed
 from .copies import copied, meant_by
 from .layouts import read_uv
 from .uv_maps import SHARE_ROOM
+
+if TYPE_CHECKING:
+    from .route import Route
 
 # Attributes of points that are places, as far as hair has them.
 PLACES = ("position", "handle_left", "handle_right")
 SURFACE_UV = "surface_uv_coordinate"
 
 
-def carry(route, companion, _options, notes):
+def carry(
+    route: Route, companion: bpy.types.Object, _options: Options, notes: list[str]
+) -> tuple[Callable[[bpy.types.Object], None], Matrix | None]:
     """What writes the strands into a copy of the companion; `notes` get what needs attention."""
     hair, matrix = companion.data, in_source(route, companion)
     first, count = _strands(hair)
@@ -44,7 +56,7 @@ def carry(route, companion, _options, notes):
     apart = np.count_nonzero(~here)
     corners, weights = corners[mate], found.barycentric[here][mate]
 
-    def write(own):
+    def write(own: bpy.types.Object) -> None:
         _own_data(own, companion)
         for name, value in values.items():
             write_attribute(own.data, name, *value)
@@ -60,7 +72,7 @@ def carry(route, companion, _options, notes):
     return write, None
 
 
-def _nearest(points, others):
+def _nearest(points: Floats, others: Floats) -> Integers:
     """Which of the others is the nearest to each point."""
     tree = KDTree(len(others))
     for number, point in enumerate(others.tolist()):
@@ -69,12 +81,12 @@ def _nearest(points, others):
     return np.array([tree.find(point)[1] for point in points.tolist()], int)
 
 
-def _has(hair, name, data_type):
+def _has(hair: bpy.types.Curves, name: str, data_type: str) -> bool:
     layer = hair.attributes.get(name)
     return layer is not None and (layer.data_type, layer.domain) == (data_type, "POINT")
 
 
-def _strands(hair):
+def _strands(hair: bpy.types.Curves) -> tuple[Integers, Integers]:
     """First point and number of points of each strand."""
     first, count = np.empty((2, len(hair.curves)), np.int32)
     hair.curves.foreach_get("first_point_index", first)
@@ -82,7 +94,7 @@ def _strands(hair):
     return first, count
 
 
-def _own_data(own, companion):
+def _own_data(own: bpy.types.Object, companion: bpy.types.Object) -> None:
     """Give the copy hair of its own, made anew where the strands of the companion are others since."""
     before = own.data
     if before != companion.data and all(map(np.array_equal, _strands(before), _strands(companion.data))):
@@ -93,7 +105,14 @@ def _own_data(own, companion):
         bpy.data.hair_curves.remove(before)
 
 
-def _attach(route, target, wanted, own, corners, weights):
+def _attach(
+    route: Route,
+    target: bpy.types.Object,
+    wanted: str,
+    own: bpy.types.Object,
+    corners: Integers,
+    weights: Floats,
+) -> list[str]:
     """Tell the copy where on the UV map of this mesh each strand stands, as hair nodes ask; returns notes."""
     if any(piece.add_rest_position_attribute for piece in meant_by(route.source)):
         target.add_rest_position_attribute = True

@@ -1,8 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Image textures of the source's materials, baked into the target's own UV layout."""
 
+from __future__ import annotations
+
 from collections import Counter
+from collections.abc import Container, Iterable, Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import bpy
 import numpy as np
@@ -10,6 +14,7 @@ from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from .. import core, mesh_read
 from ..mesh_read import UnusableObjectError
+from ..typed import Flags, Floats, Integers, Options, Values
 from .copies import MADE_FROM, ORIGINAL
 from .image_nodes import image_nodes, images, laid, normal_maps
 from .image_pixels import TILES_IN_A_ROW, has_straight_alpha, number_of, read_tiles, store
@@ -20,29 +25,37 @@ from .material_copies import fitting, forget, is_made_from, made_title, own_copy
 from .normals import matrices
 from .sheets import sheets
 
+if TYPE_CHECKING:
+    from sgmds import SurfaceMap
+
+    from .image_nodes import Laid, Normals
+    from .route import Route
+    from .sheets import Sheets
+
 LARGEST_TRIANGULATED = 4
 TILE_ROWS = 100
 # A layout that reaches into the next unit of UV by less than this does not need its tile.
 BEYOND = 1e-4
 
 
-def names(source):
+def names(source: bpy.types.Object) -> list[str]:
     return sorted({image.name for image in images(_materials(source))})
 
 
-def _materials(source):
+def _materials(source: bpy.types.Object) -> list[bpy.types.Material]:
     """The source's materials, each once."""
     return list(dict.fromkeys(slot.material for slot in source.material_slots if slot.material is not None))
 
 
-def prepare(route, wanted, options):
+def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     if takes_over(route, options):
         words = (
             f"Textures of '{route.target.name}' are shown by the source's UV map, which they fit as they "
             "are: they were not baked. To bake them, unwrap it, or choose a UV map of its own"
         )
         return Prepared(partial(_show_originals, route, options), (words,))
-    notes, baked = [], {}
+    notes: list[str] = []
+    baked: dict[tuple[Laid, int], dict[int, Values]] = {}
     uses = _uses(route.source, wanted, notes)
     try:
         target_uv = _own_layout(route, options)
@@ -52,8 +65,8 @@ def prepare(route, wanted, options):
         with route.mesh_as_written() as mesh:
             of = {use: _triangles_used(route, materials) for use, materials in _materials_of(uses).items()}
             try:
-                parts, words = sheets(route, target_uv, _any([used for _, used in of.values()]))
-                notes += words
+                parts, overlap = sheets(route, target_uv, _any([used for _, used in of.values()]))
+                notes += overlap
             except UnusableObjectError as reason:
                 notes.append(str(reason))
                 of = {}
@@ -73,9 +86,11 @@ def prepare(route, wanted, options):
     if options.bake_material:
         notes += _unseen(route, uses, baked)
 
-    def write():
+    def write() -> None:
         titles = _titles(route, baked, parts) if baked else {}
-        images = {key: store(title, baked[key], key[0].image) for key, title in titles.items()}
+        images: dict[tuple[Laid | None, int], bpy.types.Image] = {
+            key: store(title, baked[key], key[0].image) for key, title in titles.items()
+        }
         if images and options.bake_material:
             _fill_slots(route)
             _replace_materials(route, uses, images, target_uv, parts)
@@ -86,9 +101,11 @@ def prepare(route, wanted, options):
     return Prepared(write, notes)
 
 
-def _uses(source, wanted, notes):
+def _uses(
+    source: bpy.types.Object, wanted: Sequence[str], notes: list[str]
+) -> dict[bpy.types.Material, list[Laid | None]]:
     """For each material how its image nodes lay the wanted images onto the source, None for other nodes."""
-    uses = {}
+    uses: dict[bpy.types.Material, list[Laid | None]] = {}
     for material in _materials(source):
         uses[material] = []
         for groups, node in image_nodes(material):
@@ -102,9 +119,11 @@ def _uses(source, wanted, notes):
     return uses
 
 
-def _materials_of(uses):
+def _materials_of(
+    uses: Mapping[bpy.types.Material, list[Laid | None]],
+) -> dict[Laid, list[bpy.types.Material]]:
     """For each way in which an image is laid on, the materials with it."""
-    materials = {}
+    materials: dict[Laid, list[bpy.types.Material]] = {}
     for material, found in uses.items():
         for use in dict.fromkeys(found):
             if use is not None:
@@ -112,19 +131,20 @@ def _materials_of(uses):
     return materials
 
 
-def _any(masks):
+def _any(masks: Sequence[Flags]) -> Flags:
     return np.logical_or.reduce(masks) if masks else np.zeros(0, bool)
 
 
-def _triangles_used(route, materials):
+def _triangles_used(route: Route, materials: Container[bpy.types.Material]) -> tuple[Flags, ...]:
     """The source's and the target's triangles that show these materials of the source, (m,) each."""
     slots = [place for place, slot in enumerate(route.source.material_slots) if slot.material in materials]
     return tuple(np.isin(shown, slots) for shown in _slots_shown(route))
 
 
-def _titles(route, baked, parts):
+def _titles(route: Route, baked: Iterable[tuple[Laid, int]], parts: Sheets) -> dict[tuple[Laid, int], str]:
     """A name for each baked image; those laid on in several ways are numbered."""
-    titles, times = {}, Counter()
+    titles: dict[tuple[Laid, int], str] = {}
+    times: Counter[str] = Counter()
     for use, number in baked:
         title = _part_title(use.image, route.target, parts, number)
         times[title] += 1
@@ -132,12 +152,12 @@ def _titles(route, baked, parts):
     return titles
 
 
-def _part_title(original, target, parts, number):
+def _part_title(original: bpy.types.ID, target: bpy.types.Object, parts: Sheets, number: int) -> str:
     """Name of what is made from an image or material for a part of the target."""
     return " ".join([made_title(original, target), parts.names[number]]).rstrip()
 
 
-def _own_layout(route, options):
+def _own_layout(route: Route, options: Options) -> str:
     name = bake_map(route, options)
     if name not in route.target.data.uv_layers:
         raise UnusableObjectError(
@@ -148,7 +168,7 @@ def _own_layout(route, options):
     return name
 
 
-def _cells(route, name, uv):
+def _cells(route: Route, name: str, uv: Floats) -> list[tuple[int, int]]:
     """Units of UV that these triangles (m, 3, 2) reach into, (column, row) each: an image tile for each."""
     low = np.floor(uv.min(axis=1) + BEYOND).astype(int)
     high = np.maximum(np.ceil(uv.max(axis=1) - BEYOND).astype(int) - 1, low)
@@ -168,7 +188,9 @@ def _cells(route, name, uv):
     )
 
 
-def _bake(route, mesh, use, used, target_uv, options):
+def _bake(
+    route: Route, mesh: bpy.types.Mesh, use: Laid, used: tuple[Flags, Flags], target_uv: str, options: Options
+) -> dict[int, Values]:
     """Pixels of each tile of the baked image, by the tile's number, for the triangles used of both meshes.
 
     `mesh` is the target's as it will be.
@@ -219,11 +241,11 @@ def _bake(route, mesh, use, used, target_uv, options):
     return baked
 
 
-def _show_progress(manager, done, _stage, fraction):
+def _show_progress(manager: bpy.types.WindowManager, done: int, _stage: str, fraction: float) -> None:
     manager.progress_update(done + fraction)
 
 
-def _turned(pixels, channels):
+def _turned(pixels: Values, channels: Iterable[int]) -> Values:
     """Texels with these channels counting the other way; empty ones stay empty."""
     if not channels:
         return pixels
@@ -233,7 +255,7 @@ def _turned(pixels, channels):
     return turned
 
 
-def _slots_shown(route):
+def _slots_shown(route: Route) -> tuple[Integers, Integers]:
     """The source's slot that each triangle of the source, and of the target, shows: (m,) each."""
     carried, chosen = route.carried_slots, route.wanted.get("materials", ())
     slot, own = carried.copy(), mesh_read.slots_shown(route.target)
@@ -248,7 +270,9 @@ def _slots_shown(route):
     return mesh_read.slots_shown(route.body)[route.triangle_faces], slot[route.target_triangle_faces]
 
 
-def _turning(route, mesh, normals, target_uv):
+def _turning(
+    route: Route, mesh: bpy.types.Mesh, normals: Normals | None, target_uv: str
+) -> tuple[SurfaceMap, dict[str, Any]]:
     """The core's map to bake by, and what turns the image's normals, none for colours."""
     if normals is None:
         return route.map, {}
@@ -261,7 +285,9 @@ def _turning(route, mesh, normals, target_uv):
     return route.map, {"tangent_frames": frames}
 
 
-def _tangent_frames(mesh, uv, triangle_corners, obj):
+def _tangent_frames(
+    mesh: bpy.types.Mesh, uv: str, triangle_corners: Integers, obj: bpy.types.Object
+) -> tuple[Floats, Floats]:
     """Normals (m, 3, 3) and tangents with sign (m, 3, 4) at the corners of triangles, as renderers use them.
 
     The mesh is the object's, or a copy of it.
@@ -285,12 +311,14 @@ def _tangent_frames(mesh, uv, triangle_corners, obj):
     return normal.reshape(-1, 3)[triangle_corners], tangents[triangle_corners]
 
 
-def _unseen(route, uses, baked):
+def _unseen(
+    route: Route, uses: Mapping[bpy.types.Material, list[Laid | None]], baked: Iterable[tuple[Laid, int]]
+) -> list[str]:
     """Words about baked images that no material of the target will show."""
     slots = route.target.material_slots
     carried = route.wanted.get("materials", ())
 
-    def seen(material):
+    def seen(material: bpy.types.Material) -> bool:
         shown = any(is_made_from(slot.material, material, route.target) for slot in slots)
         return not slots or shown or material.name in carried
 
@@ -305,7 +333,7 @@ def _unseen(route, uses, baked):
     ]
 
 
-def _fill_slots(route):
+def _fill_slots(route: Route) -> None:
     """Give a target without material slots those of the source; of one of several meshes those it shows."""
     if not route.target.material_slots:
         label, slots = route.carried_slots, route.source.material_slots
@@ -316,7 +344,7 @@ def _fill_slots(route):
         route.target.data.polygons.foreach_set("material_index", index)
 
 
-def _show_originals(route, options):
+def _show_originals(route: Route, options: Options) -> None:
     """Give the target's slots the source's materials instead of copies with baked images."""
     if not options.bake_material:
         return
@@ -328,7 +356,13 @@ def _show_originals(route, options):
                 slot.material = shown
 
 
-def _replace_materials(route, uses, images, uv, parts):
+def _replace_materials(
+    route: Route,
+    uses: Mapping[bpy.types.Material, list[Laid | None]],
+    images: Mapping[tuple[Laid | None, int], bpy.types.Image],
+    uv: str,
+    parts: Sheets,
+) -> None:
     """In the target's slots: copies of the source's materials with the baked images on the target's map.
 
     Where the target has several parts, their faces get a slot each.
@@ -359,7 +393,9 @@ def _replace_materials(route, uses, images, uv, parts):
             copy.name = copy[MADE_FROM]
 
 
-def _give_slots(target, places, copies, parts):
+def _give_slots(
+    target: bpy.types.Object, places: Sequence[int], copies: Mapping[int, bpy.types.Material], parts: Sheets
+) -> None:
     """Show each part's copy of a material on the faces that show one of the slots at these places."""
     slots = target.material_slots
     for at in places:
@@ -381,7 +417,7 @@ def _give_slots(target, places, copies, parts):
     target.data.polygons.foreach_set("material_index", index)
 
 
-def _exchange(material, images, uv):
+def _exchange(material: bpy.types.Material, images: Iterable[bpy.types.Image | None], uv: str) -> None:
     """Give the material's image nodes these images, None for none, and lay them on by the UV map."""
     named = {}
     for (groups, node), image in zip(image_nodes(material), images, strict=True):

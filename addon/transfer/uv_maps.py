@@ -3,26 +3,36 @@
 chart.
 """
 
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import bpy
 import numpy as np
 from bpy.props import BoolProperty
 
 from .. import core
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import check_name
+from ..typed import Flags, Floats, Options
 from .attributes import SEAMS
 from .kind import Kind, Prepared
 from .layouts import bakes_into_own, carried_maps, finite_uv, remember
+
+if TYPE_CHECKING:
+    from .route import Route
 
 MOST_UV_MAPS = 8
 # Worse than the source's by more than this is said: stretch as a factor, shares of area as a difference.
 STRETCH_ROOM, SHARE_ROOM = 1.25, 0.02
 
 
-def names(source):
+def names(source: bpy.types.Object) -> list[str]:
     return [layer.name for layer in source.data.uv_layers]
 
 
-def prepare(route, wanted, options):
+def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     source, target = route.body.data, route.target.data
     named = {name: route.uv_names[name] for name in wanted}
     for name in named.values():
@@ -49,7 +59,7 @@ def prepare(route, wanted, options):
     return Prepared(lambda: _write(source, target, named, carried, seams, shown), tuple(notes))
 
 
-def _beside(route, named):
+def _beside(route: Route, named: Mapping[str, str]) -> list[str]:
     """Words about maps that come under other names for the first time."""
     known = carried_maps(route.target.data)
     return [
@@ -60,12 +70,12 @@ def _beside(route, named):
     ]
 
 
-def _active(mesh, wanted):
+def _active(mesh: bpy.types.Mesh, wanted: Sequence[str]) -> str:
     active = mesh.uv_layers.active
     return active.name if active is not None and active.name in wanted else wanted[0]
 
 
-def _faults(route, name, source_uv, target_uv):
+def _faults(route: Route, name: str, source_uv: Floats, target_uv: Floats) -> list[str]:
     """Words about what became worse on the way."""
     judge = core.load().judge_layout
     before = judge(route.source_points[route.triangles], source_uv)
@@ -81,7 +91,7 @@ def _faults(route, name, source_uv, target_uv):
     return found
 
 
-def _seams(route, uv):
+def _seams(route: Route, uv: Floats) -> Flags:
     """For each edge of the target whether its two faces lie apart in the layout."""
     starts, vertex = route.faces
     following = np.arange(1, len(vertex) + 1)
@@ -102,7 +112,14 @@ def _seams(route, uv):
 SAME_UV = 1e-5
 
 
-def _write(source, target, named, carried, seams, shown):
+def _write(
+    source: bpy.types.Mesh,
+    target: bpy.types.Mesh,
+    named: Mapping[str, str],
+    carried: Mapping[str, Floats],
+    seams: Flags | None,
+    shown: bool,
+) -> None:
     for name, values in carried.items():
         own = named[name]
         layer = target.uv_layers.get(own) or target.uv_layers.new(name=own, do_init=False)

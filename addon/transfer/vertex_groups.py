@@ -1,26 +1,36 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Vertex groups: weights carried by the core; locked groups and masked vertices keep what they have."""
 
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
+import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import write_attribute
+from ..typed import Entries, Flags, Floats, Integers, Locks, Options
 from .kind import Kind, Prepared
 from .listed import listed
 from .own_rig import AUTO, KEEP, REPLACE, bones_after, keeps_rig, kept_name, own_modifiers, translated
 from .weight_sums import finished, giving_way, mixed, sums
 from .weights import copy_group, deforming_bones, read_weights, write_weights
 
+if TYPE_CHECKING:
+    from .route import Route
+
 # On the target, where vertices were filled from their neighbours because their images were rejected.
 FILLED = "match_filled"
 
 
-def names(source):
+def names(source: bpy.types.Object) -> list[str]:
     return [group.name for group in source.vertex_groups]
 
 
-def prepare(route, wanted, options):
+def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     target = route.target
     named, notes = route.sides.of_all(wanted)
     groups = list(named.values())
@@ -45,7 +55,7 @@ def prepare(route, wanted, options):
     place = np.array([written.index(name) if name in written else -1 for name in groups], int)
     weights = weights[0], place[weights[1]], weights[2]
     kept = masked[weights[0]] & (weights[1] >= 0)
-    weights = tuple(values[kept] for values in weights)
+    weights = weights[0][kept], weights[1][kept], weights[2][kept]
     if options.mix < 1.0:
         weights = mixed(target, own, masked, written, weights, options)
     if len(written) < len(groups):
@@ -62,7 +72,7 @@ def prepare(route, wanted, options):
     replaced, words = _replaced(route, written, options)
     notes += words
 
-    def write():
+    def write() -> None:
         for name, kept in replaced.items():
             copy_group(target, name, kept)
         write_weights(target, written, weights, masked)
@@ -74,7 +84,7 @@ def prepare(route, wanted, options):
     return Prepared(write, tuple(notes))
 
 
-def _carried(route, wanted, options, **finish):
+def _carried(route: Route, wanted: Sequence[str], options: Options, **finish: Any) -> tuple[Entries, Flags]:
     """Weights of the wanted groups (vertex, place in `wanted`, weight), and which vertices were filled."""
     carried = route.map.skin_weights(
         *_rows(route.body, wanted),
@@ -91,9 +101,16 @@ def _carried(route, wanted, options, **finish):
     return (vertex, np.asarray(carried.groups, int), carried.weights), filled
 
 
-def _translated(route, wanted, groups, own, locks, options):
+def _translated(
+    route: Route,
+    wanted: Sequence[str],
+    groups: Sequence[str],
+    own: Entries,
+    locks: Container[str],
+    options: Options,
+) -> tuple[list[str], Entries, Flags, list[str]]:
     """What `_carried` gives on bones of a rig that the target keeps: their names, weights, filled, notes."""
-    whole = {"prune": 0.0, "limit": None, "normalize": False, "locked": None}
+    whole: dict[str, Any] = {"prune": 0.0, "limit": None, "normalize": False, "locked": None}
     weights, filled = _carried(route, wanted, options, **whole)
     known = names(route.source)
     moving = [name for name, moves in zip(known, _deforming(route.source, known), strict=True) if moves]
@@ -116,11 +133,12 @@ def _translated(route, wanted, groups, own, locks, options):
     return called, weights, filled, [note]
 
 
-def _replaced(route, written, options):
+def _replaced(route: Route, written: Iterable[str], options: Options) -> tuple[dict[str, str], list[str]]:
     """Groups of a rig that is replaced which are written: under which names they are kept, and a note."""
     target = route.target
     own = own_modifiers(route) if route.wanted.get("armature") and not keeps_rig(route, options) else []
-    present, kept = target.vertex_groups, {}
+    present = target.vertex_groups
+    kept: dict[str, str] = {}
     for rig in dict.fromkeys(modifier.object for modifier in own):
         for name in (bone.name for bone in rig.data.bones if bone.name in written):
             if name in present and kept_name(name, rig) not in present:
@@ -132,7 +150,7 @@ def _replaced(route, written, options):
     ]
 
 
-def _rows(source, wanted):
+def _rows(source: bpy.types.Object, wanted: Sequence[str]) -> tuple[Integers, Integers, Floats]:
     """Compressed rows (starts, place in `wanted`, weight) of the wanted groups."""
     vertex, group, weight = read_weights(source)
     place = np.full(max(len(source.vertex_groups), group.max(initial=-1) + 1), -1)
@@ -142,7 +160,7 @@ def _rows(source, wanted):
     return np.append(0, np.cumsum(counts)), place[group[kept]], weight[kept]
 
 
-def _masked(target, own, name):
+def _masked(target: bpy.types.Object, own: Entries, name: str) -> Flags:
     """Vertices that may be written: all, or those of the group `name`."""
     count = len(target.data.vertices)
     if not name:
@@ -158,7 +176,7 @@ def _masked(target, own, name):
     return masked
 
 
-def _locked(route, wanted, own, locked):
+def _locked(route: Route, wanted: Sequence[str], own: Entries, locked: Flags) -> Locks:
     """What the target's locked deforming groups hold: which of ours they are, sum and number a vertex.
 
     Of the sum they first take what the source has in groups that are not wanted.
@@ -177,7 +195,7 @@ def _locked(route, wanted, own, locked):
     )
 
 
-def _left_behind(route, wanted):
+def _left_behind(route: Route, wanted: Sequence[str]) -> Floats:
     """Weights of the source's deforming groups that are not wanted, at each vertex of the target."""
     bones = deforming_bones(route.source)
     groups = [
@@ -190,7 +208,7 @@ def _left_behind(route, wanted):
     return route.to_points(sums(vertex[left], weight[left], len(route.source_points)))
 
 
-def _deforming(source, wanted):
+def _deforming(source: bpy.types.Object, wanted: Sequence[str]) -> Flags:
     """True for each group that moves with a bone; all of them when the source has no armature to ask."""
     bones = deforming_bones(source)
     return np.array([bones.get(name, not bones) for name in wanted], bool)

@@ -1,17 +1,35 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Sums of weights a vertex: what mixes, what gives way, and how many weights are left."""
 
-import numpy as np
+from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import bpy
+import numpy as np
+from numpy.typing import NDArray
+
+from ..typed import Entries, Flags, Floats, Integers, Locks, Options
 from .listed import listed
 from .own_rig import bones_after
 from .weights import deforming_bones
+
+if TYPE_CHECKING:
+    from .route import Route
 
 # Weights that sum to this much more than 1 are single precision's.
 SUM_ROUNDING = 1e-3
 
 
-def mixed(target, own, masked, written, weights, options):
+def mixed(
+    target: bpy.types.Object,
+    own: Entries,
+    masked: Flags,
+    written: Sequence[str],
+    weights: Entries,
+    options: Options,
+) -> Entries:
     """The share `mix` of the carried weights and the rest of what the target has in these groups."""
     place = np.full(max(len(target.vertex_groups), 1), -1)
     for at, name in enumerate(written):
@@ -27,12 +45,12 @@ def mixed(target, own, masked, written, weights, options):
     )
     vertex, group, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
     entry, joined = np.unique(vertex * len(written) + group, return_inverse=True)
-    weight = np.bincount(joined, weight, minlength=len(entry))
+    weight = np.asarray(np.bincount(joined, weight, minlength=len(entry)), float)
     held = weight >= options.prune
     return entry[held] // len(written), entry[held] % len(written), weight[held]
 
 
-def finished(weights, deforming, locked, options):
+def finished(weights: Entries, deforming: Flags, locked: Locks, options: Options) -> Entries:
     """Weights limited, pruned and scaled back to their sums, beside locked ones, as the core finishes others.
 
     `deforming` tells of each group whether it counts; `locked` is which groups stay as they are, and sum and
@@ -43,7 +61,7 @@ def finished(weights, deforming, locked, options):
     count = len(taken)
     counted = deforming[group]
     wanted = np.clip(sums(vertex[counted], weight[counted], count) - taken, 0.0, None)
-    entries = np.flatnonzero(counted & ~stay[group])
+    entries: Integers = np.flatnonzero(counted & ~stay[group])
     if options.limit_total:
         entries = _strongest(entries, vertex, weight, options.limit - many)
     entries = entries[weight[entries] >= options.prune]
@@ -58,7 +76,9 @@ def finished(weights, deforming, locked, options):
     return vertex[kept], group[kept], scaled
 
 
-def giving_way(route, own, masked, written, weights, options):
+def giving_way(
+    route: Route, own: Entries, masked: Flags, written: Sequence[str], weights: Entries, options: Options
+) -> tuple[list[tuple[list[str], Entries, Flags]], list[str]]:
     """What becomes of groups of other bones, neither carried nor locked, where sums rise beyond one.
 
     On a rigged target they give way: what the carried groups and the locked ones leave is shared among them
@@ -77,7 +97,7 @@ def giving_way(route, own, masked, written, weights, options):
     ours = np.array([bones.get(name, False) for name in written], bool)[weights[1]]
     used = np.isin(group, [held.index for held in locked])
     taken = sums(weights[0][ours], weights[2][ours], count) + sums(vertex[used], weight[used], count)
-    entries = np.flatnonzero(
+    entries: Integers = np.flatnonzero(
         np.isin(group, [other.index for other in others]) & masked[vertex] & (weight > 0.0)
     )
     beside = sums(vertex[entries], weight[entries], count)
@@ -110,12 +130,12 @@ def giving_way(route, own, masked, written, weights, options):
     return [([other.name for other in touched], values, over)], [note]
 
 
-def sums(vertex, weight, count):
+def sums(vertex: Integers, weight: Floats, count: int) -> NDArray[np.float64]:
     """Sum of these weights at each of `count` vertices."""
     return np.bincount(vertex, weight, minlength=count).astype(np.float64)
 
 
-def _strongest(entries, vertex, weight, room):
+def _strongest(entries: Integers, vertex: Integers, weight: Floats, room: Integers) -> Integers:
     """Of these entries those that are among the strongest `room` (n,) of their vertices."""
     order = entries[np.lexsort((-weight[entries], vertex[entries]))]
     first = np.searchsorted(vertex[order], vertex[order])

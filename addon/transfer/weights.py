@@ -1,15 +1,22 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Weights of a mesh as arrays, and the bones by which they move it."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from typing import Any
 
 import bmesh
+import bpy
 import numpy as np
+from numpy.typing import NDArray
 
+from ..typed import Entries, Flags
 from .copies import meant_by
 
 
-def read_weights(obj):
+def read_weights(obj: bpy.types.Object) -> Entries:
     """All weights of an object's mesh as arrays (vertex, group, weight), sorted by vertex."""
     counts, group, weight = [], [], []
     for vertex in obj.data.vertices:
@@ -23,12 +30,12 @@ def read_weights(obj):
 
 
 @contextmanager
-def _kept_shapes(mesh):
+def _kept_shapes(mesh: bpy.types.Mesh) -> Iterator[None]:
     """Coordinates of mesh and shape keys stay: where they disagree, `BMesh.to_mesh` would move the keys."""
     blocks = [] if mesh.shape_keys is None else list(mesh.shape_keys.key_blocks)
     places = [mesh.vertices, *(block.data for block in blocks)]
     kept = [_coordinates(place) for place in places[:2]]
-    if len(kept) < 2 or np.array_equal(*kept):
+    if len(kept) < 2 or np.array_equal(kept[0], kept[1]):
         yield
         return
     kept += [_coordinates(place) for place in places[2:]]
@@ -37,18 +44,20 @@ def _kept_shapes(mesh):
         place.foreach_set("co", values)
 
 
-def _coordinates(place):
+def _coordinates(place: Any) -> NDArray[np.float32]:
     values = np.empty(len(place) * 3, np.float32)
     place.foreach_get("co", values)
     return values
 
 
-def write_weights(target, wanted, weights, masked=None):
+def write_weights(
+    target: bpy.types.Object, wanted: Sequence[str], weights: Entries, masked: Flags | None = None
+) -> None:
     """Replace these groups of the target at the masked vertices; its other groups stay."""
     slots = []
     for name in wanted:
-        group = target.vertex_groups.get(name) or target.vertex_groups.new(name=name)
-        slots.append(group.index)
+        held = target.vertex_groups.get(name) or target.vertex_groups.new(name=name)
+        slots.append(held.index)
     vertex, group, weight = weights
     entries = np.array(slots, np.int64)[group].tolist()
     with _kept_shapes(target.data):
@@ -70,23 +79,23 @@ def write_weights(target, wanted, weights, masked=None):
             edited.free()
 
 
-def copy_group(target, name, copy):
+def copy_group(target: bpy.types.Object, name: str, copy: str) -> None:
     """A second vertex group with the weights of one."""
     vertex, group, weight = read_weights(target)
     held = group == target.vertex_groups[name].index
     write_weights(target, [copy], (vertex[held], np.zeros(held.sum(), int), weight[held]))
 
 
-def deforming_bones(obj):
+def deforming_bones(obj: bpy.types.Object) -> dict[str, bool]:
     """Whether each bone of the object's armatures deforms, by its name."""
     return {bone.name: bone.use_deform for rig in rigs(obj) for bone in rig.data.bones}
 
 
-def armature_modifiers(obj):
+def armature_modifiers(obj: bpy.types.Object) -> list[bpy.types.Modifier]:
     return [m for m in obj.modifiers if m.type == "ARMATURE" and m.object is not None]
 
 
-def rigs(obj):
+def rigs(obj: bpy.types.Object) -> list[bpy.types.Object]:
     """The armature objects that deform an object, each once: those of modifiers that are on, if any is."""
     modifiers = [modifier for each in meant_by(obj) for modifier in armature_modifiers(each)]
     shown = [modifier for modifier in modifiers if modifier.show_viewport]

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The source as a Mirror modifier shows it: both halves in one mesh, with everything that they carry."""
 
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -10,6 +13,7 @@ import numpy as np
 from .. import completion, mesh_read
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import OURS, read_attribute, write_attribute
+from ..typed import Flags, Floats, Integers
 from .copies import copied
 from .shape_keys import read_key
 
@@ -28,17 +32,17 @@ class Body:
     """
 
     obj: bpy.types.Object
-    corners: np.ndarray
-    faces: np.ndarray
-    modelled: np.ndarray
-    image: np.ndarray
-    turned: np.ndarray
-    vertex: np.ndarray
-    vertex_image: np.ndarray
-    mirrors: tuple = ()
+    corners: Integers
+    faces: Integers
+    modelled: Integers
+    image: Integers
+    turned: Flags
+    vertex: Integers
+    vertex_image: Integers
+    mirrors: tuple[completion.Mirror, ...] = ()
 
     @classmethod
-    def as_modelled(cls, source):
+    def as_modelled(cls, source: bpy.types.Object) -> Body:
         corners, faces = mesh_read.triangle_corners(source.data)
         none = np.zeros(len(faces), int)
         vertex = np.arange(len(source.data.vertices))
@@ -47,11 +51,11 @@ class Body:
         )
 
     @property
-    def is_whole(self):
+    def is_whole(self) -> bool:
         """Whether it has more than what is modelled."""
         return bool(self.mirrors)
 
-    def triangles_of(self, faces, weights, images):
+    def triangles_of(self, faces: Integers, weights: Floats, images: Integers) -> tuple[Integers, Floats]:
         """Places in modelled triangles, in these images → triangles of this body and weights there."""
         count = self.modelled.max(initial=-1) + 1
         own = np.full((self.image.max(initial=0) + 1, count), -1)
@@ -61,12 +65,12 @@ class Body:
         found = np.where(found < 0, own.max(axis=0)[faces], found)
         return found, np.where(self.turned[found, None], weights[:, ::-1], weights)
 
-    def as_stored(self, faces, weights):
+    def as_stored(self, faces: Integers, weights: Floats) -> tuple[Integers, Floats, Integers]:
         """Places in this body's triangles → modelled triangles, weights there, and images."""
         weights = np.where(self.turned[faces, None], weights[:, ::-1], weights)
         return self.modelled[faces], weights, self.image[faces]
 
-    def shown(self, points):
+    def shown(self, points: Floats) -> Floats:
         """Places of this body's vertices for those of the modelled ones, (n, 3), closed along the mirrors."""
         basis, points = mesh_read.positions(self.obj.data).astype(np.float64), points.copy()
         modelled = basis[np.unique(self.vertex, return_index=True)[1]]
@@ -75,7 +79,7 @@ class Body:
             points[rim] = (points[rim] + mirror.reflected(points[rim])) / 2.0
         return self._placed(points[self.vertex])
 
-    def _placed(self, points):
+    def _placed(self, points: Floats) -> Floats:
         for bit, mirror in enumerate(self.mirrors):
             turned = self.vertex_image >> bit & 1 > 0
             points[turned] = mirror.reflected(points[turned])
@@ -83,7 +87,7 @@ class Body:
 
 
 @contextmanager
-def body_of(source, images):
+def body_of(source: bpy.types.Object, images: int) -> Iterator[Body]:
     """The source's body that has all images in mirrors up to this one, 0 for none, as a match stored them.
 
     An object made for it is removed in the end.
@@ -106,7 +110,7 @@ def body_of(source, images):
         bpy.data.meshes.remove(mesh)
 
 
-def give_keys(body, source):
+def give_keys(body: Body, source: bpy.types.Object) -> None:
     """Give the object made for a body the source's shape keys, as they move the whole."""
     keys = source.data.shape_keys
     if keys is None:
@@ -120,7 +124,7 @@ def give_keys(body, source):
         own.relative_key = made.key_blocks[block.relative_key.name]
 
 
-def _whole(source, mirrors):
+def _whole(source: bpy.types.Object, mirrors: Sequence[completion.Mirror]) -> bpy.types.Object:
     """A copy of the source whose mesh has the halves that its Mirror modifiers add; in no scene."""
     obj = copied(source)
     obj.data = copied(source.data)
@@ -133,7 +137,7 @@ def _whole(source, mirrors):
         (CORNER, "CORNER", len(obj.data.loops)),
     ):
         write_attribute(obj.data, name, "INT", domain, np.arange(count))
-    axes = {}
+    axes: dict[str, list[completion.Mirror]] = {}
     for mirror in mirrors:
         axes.setdefault(mirror.modifier, []).append(mirror)
     for modifier in list(obj.modifiers):
@@ -163,25 +167,27 @@ def _whole(source, mirrors):
     return obj
 
 
-def _described(obj, source, mirrors):
+def _described(
+    obj: bpy.types.Object, source: bpy.types.Object, mirrors: tuple[completion.Mirror, ...]
+) -> Body:
     vertex, face, corner = (read_attribute(obj.data.attributes[name]) for name in (VERTEX, FACE, CORNER))
     vertex_image, face_image = _images(vertex), _images(face)
     faces = np.repeat(np.arange(len(face)), np.diff(mesh_read.face_starts(obj.data)))
     modelled, _ = mesh_read.triangle_corners(source.data)
     parts = []
-    for image in range(1 << len(mirrors)):
+    for number in range(1 << len(mirrors)):
         of = np.full(len(source.data.loops), -1)
-        here = face_image[faces] == image
+        here = face_image[faces] == number
         of[corner[here]] = np.flatnonzero(here)
         corners = of[modelled]
         there = np.flatnonzero((corners >= 0).all(axis=1))
-        turned = bool(image.bit_count() & 1)
-        corners = corners[there][:, ::-1] if turned else corners[there]
-        parts.append((corners, there, np.full(len(there), image), np.full(len(there), turned)))
+        odd = bool(number.bit_count() & 1)
+        corners = corners[there][:, ::-1] if odd else corners[there]
+        parts.append((corners, there, np.full(len(there), number), np.full(len(there), odd)))
     corners, there, image, turned = (np.concatenate(values) for values in zip(*parts, strict=True))
     return Body(obj, corners, faces[corners[:, 0]], there, image, turned, vertex, vertex_image, mirrors)
 
 
-def _images(modelled):
+def _images(modelled: Integers) -> Integers:
     """The image of each element: Blender puts each one, in the modelled order, after those before it."""
     return np.append(0, np.cumsum(np.diff(modelled) <= 0))
