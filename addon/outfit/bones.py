@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Bones that a garment brings along: added to the target's rig, with their constraints and drivers."""
 
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
 import bpy
 import numpy as np
 from mathutils import Matrix, Vector
@@ -8,7 +13,11 @@ from mathutils import Matrix, Vector
 from ..transfer.armatures import SHORTEST_BONE, editing
 from ..transfer.listed import listed
 from ..transfer.redirect import point, point_drivers
+from ..typed import Exchanged
 from .reading import BROUGHT
+
+if TYPE_CHECKING:
+    from .fitting import Fitted
 
 # What a bone keeps of the one that it is a copy of.
 KEPT = ("use_deform", "inherit_scale", "use_inherit_rotation", "use_local_location")
@@ -18,14 +27,16 @@ POSED = ("rotation_mode", "lock_location", "lock_rotation", "lock_rotation_w", "
 class Names:
     """The target's names for bones of the source, asked for as `Sides` are."""
 
-    def __init__(self, table):
+    def __init__(self, table: Mapping[str, str]) -> None:
         self._table = table
 
-    def of(self, name):
+    def of(self, name: str) -> str:
         return self._table.get(name, name)
 
 
-def bring(fitted, rig, rigs_by_uid):
+def bring(
+    fitted: Fitted, rig: bpy.types.Object, rigs_by_uid: Mapping[int, bpy.types.Object]
+) -> tuple[list[str], list[str]]:
     """Add the new bones of a fitted outfit to a rig; returns their names there, and words.
 
     Where the rig cannot be edited, what they move follows the bones that they would hang on.
@@ -34,7 +45,7 @@ def bring(fitted, rig, rigs_by_uid):
         return [], []
     wanted = [bone.name for bone in fitted.bones]
     if not (rig.is_editable and rig.data.is_editable) or rig.override_library or rig.data.override_library:
-        names = []
+        names: list[str] = []
         for bone in fitted.bones:
             parent = names[bone.parent] if isinstance(bone.parent, int) else bone.parent
             names.append(parent or rig.data.bones[0].name)
@@ -76,11 +87,14 @@ def bring(fitted, rig, rigs_by_uid):
     return names, notes
 
 
-def _follow(fitted, rig, rigs_by_uid, names):
+def _follow(
+    fitted: Fitted, rig: bpy.types.Object, rigs_by_uid: Mapping[int, bpy.types.Object], names: Sequence[str]
+) -> list[str]:
     """Give new bones the constraints and drivers of those that they are copies of; returns what was left."""
     table = dict(fitted.partners)
     table.update({bone.name: name for bone, name in zip(fitted.bones, names, strict=True)})
-    exchanged, left = {}, []
+    exchanged: dict[bpy.types.ID, bpy.types.ID] = {}
+    left = []
     for given in rigs_by_uid.values():
         exchanged |= {given: rig, given.data: rig.data}
     for bone, name in zip(fitted.bones, names, strict=True):
@@ -98,7 +112,7 @@ def _follow(fitted, rig, rigs_by_uid, names):
     return left
 
 
-def _looks_at(constraint, rig):
+def _looks_at(constraint: bpy.types.Constraint, rig: bpy.types.Object) -> bool:
     """Whether all that a constraint looks at is on this rig, or outside of any character's."""
     looks = list(constraint.targets) if hasattr(constraint, "targets") else [constraint]
     for look in looks:
@@ -111,7 +125,14 @@ def _looks_at(constraint, rig):
     return True
 
 
-def _copy_drivers(given, rig, before, after, exchanged, names):
+def _copy_drivers(
+    given: bpy.types.Object,
+    rig: bpy.types.Object,
+    before: str,
+    after: str,
+    exchanged: Exchanged,
+    names: Names,
+) -> list[str]:
     """Copy the drivers of a bone; returns words on those whose variables do not find what they look at."""
     held, left = given.animation_data, []
     begin = f'pose.bones["{bpy.utils.escape_identifier(before)}"]'
@@ -129,7 +150,7 @@ def _copy_drivers(given, rig, before, after, exchanged, names):
     return left
 
 
-def finds_all(curve):
+def finds_all(curve: bpy.types.FCurve) -> bool:
     """Whether the variables of a driver find the properties and bones that they look at."""
     for variable in curve.driver.variables:
         # A property of the scene is there whatever it is asked for.

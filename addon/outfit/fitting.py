@@ -1,12 +1,26 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The work beside the window: arrays of a wish in, places, weights and shape keys on the target out."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from types import ModuleType
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..job import Job
+from ..typed import Flags, Floats, Integers
 from .reading import Rows
+
+if TYPE_CHECKING:
+    from sgmds.transfer import Fitting, SkinWeights, SurfaceMap
+
+    from .reading import Garment, Wish
+
+# A bone of the target by its name, or a new one by its number.
+BoneName = str | int
 
 # A body's shape key is made for a garment when it moves skin under it by this share of what it moves at most:
 # a smile does not move a hat.
@@ -43,7 +57,7 @@ class Bone:
     rig_name: str
     name: str
     parent: str | int | None
-    move: np.ndarray
+    move: Floats
 
 
 @dataclass(frozen=True)
@@ -54,11 +68,11 @@ class Worn:
     the source's bones, and `bone` is the one on which the garment hangs without weights, or None.
     """
 
-    names: list
+    names: list[BoneName]
     rows: Rows
-    keys: dict
-    body_keys: dict
-    renamed: dict
+    keys: dict[str, Floats]
+    body_keys: dict[str, Floats]
+    renamed: dict[str, BoneName]
     bone: str | int | None = None
 
 
@@ -69,26 +83,26 @@ class Fitted:
     `partners` are names of bones of the source's rig and those of the target's that do what these do.
     """
 
-    wish: object
-    fitting: object
-    places: np.ndarray
-    worn: list
-    bones: list
+    wish: Wish
+    fitting: Fitting
+    places: Floats
+    worn: list[Worn]
+    bones: list[Bone]
     inside: int
-    hidden: np.ndarray | None
-    partners: dict
+    hidden: Flags | None
+    partners: dict[str, str]
 
 
 @dataclass
 class OutfitJob(Job):
     """Fit the garments of each wish to its target."""
 
-    wishes: list
+    wishes: list[Wish]
     options: Options
-    results: list = field(default_factory=list, init=False)
-    failures: list = field(default_factory=list, init=False)
+    results: list[Fitted] = field(default_factory=list, init=False)
+    failures: list[tuple[str, Exception]] = field(default_factory=list, init=False)
 
-    def _work(self, sgmds):
+    def _work(self, sgmds: ModuleType) -> None:
         for number, wish in enumerate(self.wishes):
             part = self._progress("Fitting the outfit", number / len(self.wishes), 1.0 / len(self.wishes))
             try:
@@ -100,7 +114,9 @@ class OutfitJob(Job):
             self._check_cancelled(sgmds)
 
 
-def fit(sgmds, wish, options, progress=None):
+def fit(
+    sgmds: ModuleType, wish: Wish, options: Options, progress: Callable[[str, float], bool] | None = None
+) -> Fitted:
     """One outfit on one target."""
     along = _guided(sgmds, wish, sgmds.SurfaceMap(wish.source, wish.target, *wish.places))
     points = np.concatenate([garment.points for garment in wish.garments])
@@ -128,34 +144,35 @@ def fit(sgmds, wish, options, progress=None):
     return Fitted(wish, fitting, places, worn, bones, inside, hidden, partners)
 
 
-def _guided(sgmds, wish, along):
+def _guided(sgmds: ModuleType, wish: Wish, along: SurfaceMap) -> SurfaceMap:
     """The map, where it is unsure by the rigs of both bodies."""
     if not _have_rigs(wish):
         return along
-    skins, rigs = _skins(sgmds, wish), wish.rigs
-    return along.guided(*skins, *(rig.parents for rig in rigs), *(rig.heads for rig in rigs))
+    given, own = wish.rigs
+    return along.guided(*_skins(sgmds, wish), given.parents, own.parents, given.heads, own.heads)
 
 
-def _have_rigs(wish):
+def _have_rigs(wish: Wish) -> bool:
     """Whether both bodies are moved by bones."""
     return None not in wish.rigs and all(len(rows.weight) for rows in wish.skins)
 
 
-def _skins(sgmds, wish):
+def _skins(sgmds: ModuleType, wish: Wish) -> tuple[SkinWeights, SkinWeights]:
     """Weights of both bodies as the core takes them."""
-    return [
+    given, own = (
         rows.compressed(len(body[0]), sgmds.transfer.SkinWeights)
         for rows, body in zip(wish.skins, (wish.source, wish.target), strict=True)
-    ]
+    )
+    return given, own
 
 
-def place(fitting, wish, options):
+def place(fitting: Fitting, wish: Wish, options: Options) -> Floats:
     """Places of all garments' vertices at a distance and tightness."""
     size = np.cbrt(abs(np.linalg.det(wish.to_world[1][:3, :3])))
     return fitting.place(distance=options.distance / size, tightness=options.tightness)
 
 
-def count_inside(fitting, wish, places):
+def count_inside(fitting: Fitting, wish: Wish, places: Floats) -> int:
     """How many vertices are inside the target, deeper than they were in the source and than a millimetre of a
     person: soles and linings were inside on purpose.
     """
@@ -163,7 +180,7 @@ def count_inside(fitting, wish, places):
     return int((fitting.clearance(places) < least).sum())
 
 
-def fitting_keys(fitting, wish):
+def fitting_keys(fitting: Fitting, wish: Wish) -> list[dict[str, Floats]]:
     """Displacements of each garment's own shape keys on the target."""
     count = sum(len(garment.points) for garment in wish.garments)
     found = []
@@ -177,15 +194,15 @@ def fitting_keys(fitting, wish):
     return found
 
 
-def _at_anchors(along, triangles, values):
+def _at_anchors(along: SurfaceMap, triangles: Integers, values: Floats) -> Floats:
     """Values of the target's vertices under each of the garments'."""
     return np.einsum("ij,ijc->ic", along.barycentric, values[triangles[along.faces]])
 
 
-def _body_keys(wish, below, triangles):
+def _body_keys(wish: Wish, below: SurfaceMap, triangles: Integers) -> list[dict[str, Floats]]:
     """For each garment the displacements by which it follows shape keys of the body."""
     averaged = _averaging(triangles, len(below.faces))
-    found = [{} for _ in wish.garments]
+    found: list[dict[str, Floats]] = [{} for _ in wish.garments]
     for name, offsets in wish.body_keys.items():
         least = COVERED * np.linalg.norm(offsets, axis=1).max(initial=0.0)
         moved = _at_anchors(below, wish.target[1], offsets)
@@ -200,7 +217,7 @@ def _body_keys(wish, below, triangles):
     return found
 
 
-def _averaging(triangles, count):
+def _averaging(triangles: Integers, count: int) -> Callable[[Floats], Floats]:
     """What takes the mean of each vertex's value and its neighbours'."""
     pairs = np.concatenate([triangles[:, pair] for pair in ([0, 1], [1, 2], [2, 0])])
     edges = np.unique(np.concatenate([pairs, pairs[:, ::-1]]), axis=0)
@@ -209,7 +226,7 @@ def _averaging(triangles, count):
     many = np.ones(count)
     many[held] += np.diff(np.append(starts, len(edges)))
 
-    def averaged(values):
+    def averaged(values: Floats) -> Floats:
         sums = values.copy()
         if len(edges):
             sums[held] += np.add.reduceat(values[edges[:, 1]], starts, axis=0)
@@ -218,18 +235,20 @@ def _averaging(triangles, count):
     return averaged
 
 
-def _skin_weights(wish, below):
+def _skin_weights(wish: Wish, below: SurfaceMap) -> Rows:
     """Weights of the target's skin at all garments' vertices, as rows."""
     skin, rig = wish.skins[1], wish.rigs[1]
     if rig is None or not len(skin.weight):
-        return Rows(*(np.zeros(0, kind) for kind in (np.int64, np.int64, np.float64)))
+        return Rows(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
     starts = np.searchsorted(skin.vertex, np.arange(len(wish.target[0]) + 1))
     found = below.skin_weights(starts, skin.bone, skin.weight, len(rig.names))
     vertex = np.repeat(np.arange(len(found.starts) - 1), np.diff(found.starts))
     return Rows(vertex, np.asarray(found.groups, np.int64), found.weights)
 
 
-def _bones(sgmds, wish, along, points, places):
+def _bones(
+    sgmds: ModuleType, wish: Wish, along: SurfaceMap, points: Floats, places: Floats
+) -> tuple[dict[str, str], dict[str, dict[str, BoneName]], list[Bone]]:
     """What stands on the target for bones of the source's rig, and for those that move each garment, by its
     name: a name, or the number of a new bone; and the new bones.
     """
@@ -244,7 +263,8 @@ def _bones(sgmds, wish, along, points, places):
                 partners[name] = own.names[found.partners[number]]
             if found.nearest[number] >= 0:
                 nearest[name] = own.names[found.nearest[number]]
-    mapped, bones = {}, []
+    mapped: dict[str, dict[str, BoneName]] = {}
+    bones: list[Bone] = []
     for garment in wish.garments:
         if garment.rig is not None:
             mapped[garment.name] = _mapped(wish, garment, partners, nearest, bones)
@@ -252,7 +272,9 @@ def _bones(sgmds, wish, along, points, places):
     return nearest | partners, mapped, bones
 
 
-def _mapped(wish, garment, partners, nearest, bones):
+def _mapped(
+    wish: Wish, garment: Garment, partners: Mapping[str, str], nearest: Mapping[str, str], bones: list[Bone]
+) -> dict[str, BoneName]:
     """Names of a garment's bones → names of the target's, or numbers of new bones, appended to `bones`."""
     rig, own = garment.rig, wish.rigs[1]
     used = {rig.names[bone] for bone in np.unique(garment.rows.bone)} | ({garment.bone} - {""})
@@ -262,12 +284,14 @@ def _mapped(wish, garment, partners, nearest, bones):
     own_parent = {
         name: own.names[p] if p >= 0 else None for name, p in zip(own.names, own.parents, strict=True)
     }
-    found = {}
+    found: dict[str, BoneName] = {}
 
-    def settle(name):
+    def settle(name: str | None) -> BoneName | None:
         """Names of parents are settled before those of their children."""
-        if name in found or name is None:
-            return found.get(name)
+        if name is None:
+            return None
+        if name in found:
+            return found[name]
         target = partners.get(name) or nearest.get(name) or own.brought.get((rig.name, name))
         if target is None:
             parent = settle(parent_of[name])
@@ -289,7 +313,13 @@ def _mapped(wish, garment, partners, nearest, bones):
     return found
 
 
-def _put(wish, bones, mapped, points, places):
+def _put(
+    wish: Wish,
+    bones: Sequence[Bone],
+    mapped: Mapping[str, Mapping[str, BoneName]],
+    points: Floats,
+    places: Floats,
+) -> None:
     """Place new bones as what they move was moved."""
     for number, bone in enumerate(bones):
         weight = np.zeros(len(points))
@@ -305,7 +335,7 @@ def _put(wish, bones, mapped, points, places):
         bone.move[:] = similarity(points, places, weight)
 
 
-def _hangs_on(bones, target, number):
+def _hangs_on(bones: Sequence[Bone], target: BoneName | None, number: int) -> bool:
     """Whether a new bone is the one of this number, or below it."""
     while isinstance(target, int):
         if target == number:
@@ -314,7 +344,7 @@ def _hangs_on(bones, target, number):
     return False
 
 
-def similarity(before, after, weight):
+def similarity(before: Floats, after: Floats, weight: Floats) -> Floats:
     """Turn, scale and shift (3, 4) that take weighted points nearest to where they went.
 
     Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
@@ -330,19 +360,21 @@ def similarity(before, after, weight):
     return np.column_stack([turn, middle_2 - turn @ middle_1])
 
 
-def _weights(wish, garment, mapped, skin):
+def _weights(
+    wish: Wish, garment: Garment, mapped: Mapping[str, BoneName], skin: Rows
+) -> tuple[list[BoneName], Rows]:
     """Names of bones and the weights of a garment's vertices for them: its own, else those of the skin."""
     own = wish.rigs[1]
     if own is None or garment.bone:
-        return [], Rows(*(np.zeros(0, kind) for kind in (np.int64, np.int64, np.float64)))
+        return [], Rows(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))
     count = len(garment.points)
-    names = list(own.names)
+    names: list[BoneName] = list(own.names)
     here = (skin.vertex >= garment.vertices.start) & (skin.vertex < garment.vertices.stop)
     below = skin.vertex[here] - garment.vertices.start, skin.bone[here], skin.weight[here]
     if not len(garment.rows.weight):
         return names, Rows(*below)
     new = sorted({target for target in mapped.values() if isinstance(target, int)})
-    place = {name: number for number, name in enumerate(own.names)} | {
+    place: dict[BoneName, int] = {name: number for number, name in enumerate(own.names)} | {
         number: len(own.names) + k for k, number in enumerate(new)
     }
     names += new
@@ -355,4 +387,8 @@ def _weights(wish, garment, mapped, skin):
     parts = ((vertex, bone, weight), tuple(values[bare] for values in below))
     vertex, bone, weight = (np.concatenate(values) for values in zip(*parts, strict=True))
     key, together = np.unique(vertex * len(names) + bone, return_inverse=True)
-    return names, Rows(key // len(names), key % len(names), np.bincount(together, weight, minlength=len(key)))
+    return names, Rows(
+        key // len(names),
+        key % len(names),
+        np.asarray(np.bincount(together, weight, minlength=len(key)), float),
+    )

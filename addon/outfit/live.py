@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Outfits that were fitted since the file was opened, which can be placed anew without binding."""
 
+from __future__ import annotations
+
 from collections import OrderedDict
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
@@ -9,15 +13,19 @@ from bpy.app.handlers import persistent
 
 from .. import core, mesh_read, notice, pair
 from ..transfer.shape_keys import read_key
+from ..typed import Floats, Settings
 from . import fitting
+
+if TYPE_CHECKING:
+    from .reading import Garment
 
 # A bound outfit holds some 2 kB a vertex, and its bodies as much.
 MOST_KEPT = 8
 # By the session ids of their copies, oldest first.
-_kept: OrderedDict[tuple, fitting.Fitted] = OrderedDict()
+_kept: OrderedDict[tuple[int, ...], fitting.Fitted] = OrderedDict()
 
 
-def keep(fitted, copies):
+def keep(fitted: fitting.Fitted, copies: Sequence[bpy.types.Object]) -> None:
     """Remember a fitted outfit until another file is opened."""
     uids = tuple(obj.session_uid for obj in copies)
     for key in [key for key in _kept if set(key) & set(uids)]:
@@ -27,24 +35,25 @@ def keep(fitted, copies):
         _kept.popitem(last=False)
 
 
-def kept_for(targets):
+def kept_for(targets: Iterable[bpy.types.Object]) -> list[tuple[fitting.Fitted, list[bpy.types.Object]]]:
     """The outfits on these objects that can still be placed anew, with their copies."""
     wanted = {obj.session_uid for obj in targets}
     found = []
     for uids, fitted in _kept.items():
         if fitted.wish.bodies[0][0] in wanted:
-            copies = [mesh_read.find_object(bpy.data.objects, uid) for uid in uids]
-            if all(map(_is_whole, copies, fitted.wish.garments)):
+            there = [mesh_read.find_object(bpy.data.objects, uid) for uid in uids]
+            copies = [obj for obj in there if obj is not None]
+            if len(copies) == len(there) and all(map(_is_whole, copies, fitted.wish.garments)):
                 found.append((fitted, copies))
     return found
 
 
-def _is_whole(obj, garment):
-    there = obj is not None and obj.type == "MESH" and obj.mode == "OBJECT"
+def _is_whole(obj: bpy.types.Object, garment: Garment) -> bool:
+    there = obj.type == "MESH" and obj.mode == "OBJECT"
     return there and len(obj.data.vertices) == len(garment.points)
 
 
-def place_again(targets, options):
+def place_again(targets: Iterable[bpy.types.Object], options: fitting.Options) -> tuple[int, int]:
     """Place the outfits on these objects anew; returns how many vertices are inside now, and of how many."""
     inside = many = 0
     for fitted, copies in kept_for(targets):
@@ -58,7 +67,7 @@ def place_again(targets, options):
     return inside, many
 
 
-def put(own, points, keys):
+def put(own: bpy.types.Object, points: Floats, keys: Mapping[str, Floats]) -> None:
     """Write coordinates of an object's vertices, and of its shape keys as displacements from these.
 
     Keys that are not given keep theirs.
@@ -75,7 +84,7 @@ def put(own, points, keys):
     own.data.update()
 
 
-def follow_sliders(settings, context):
+def follow_sliders(settings: Settings, context: bpy.types.Context) -> None:
     """Place the outfits on the chosen targets as the sliders say."""
     targets = [piece for target in pair.resolve(context).targets for piece in target.whole]
     options = fitting.Options(settings.outfit_distance, settings.outfit_tightness)
@@ -88,7 +97,7 @@ def follow_sliders(settings, context):
         settings.outfit_inside = words_inside(inside, many)
 
 
-def words_inside(inside, many):
+def words_inside(inside: int, many: int) -> str:
     """How much of an outfit is inside the body, in words."""
     if not inside:
         return "nothing is inside the body"
@@ -97,7 +106,7 @@ def words_inside(inside, many):
 
 
 @persistent
-def forget(_path=None, _unused=None):
+def forget(_path: object = None, _unused: object = None) -> None:
     _kept.clear()
 
 

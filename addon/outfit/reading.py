@@ -1,9 +1,15 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A worn outfit, two bodies and the stored match between them as plain arrays."""
 
-from dataclasses import dataclass, field
+from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import bpy
 import numpy as np
+from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
 
 from .. import character, mesh_read, stored_match
@@ -13,7 +19,13 @@ from ..transfer.route import FigureRoute, Route, stored
 from ..transfer.shape_keys import names as key_names
 from ..transfer.shape_keys import read_key
 from ..transfer.weights import read_weights
+from ..typed import Flags, Floats, Integers
 from . import wardrobe
+
+if TYPE_CHECKING:
+    from sgmds.transfer import SkinWeights
+
+    from ..character import Character
 
 # On bones that an outfit brought along: the rig and the bone that they are copies of.
 BROUGHT = "spectral_match_brought"
@@ -32,24 +44,24 @@ class Rig:
 
     uid: int
     name: str
-    names: list
-    parents: np.ndarray
-    heads: np.ndarray
-    brought: dict
+    names: list[str]
+    parents: Integers
+    heads: Floats
+    brought: dict[tuple[str, ...], str]
 
 
 @dataclass(frozen=True)
 class Rows:
     """Weights of vertices for bones: (vertex, bone, weight), sorted by vertex."""
 
-    vertex: np.ndarray
-    bone: np.ndarray
-    weight: np.ndarray
+    vertex: Integers
+    bone: Integers
+    weight: Floats
 
-    def compressed(self, count, skin_weights):
+    def compressed(self, count: int, skin_weights: type[SkinWeights]) -> SkinWeights:
         """As the core's `SkinWeights` of so many vertices."""
         starts = np.searchsorted(self.vertex, np.arange(count + 1))
-        return skin_weights(starts, self.bone, self.weight, np.zeros(0, np.int64))
+        return skin_weights(starts, np.asarray(self.bone, np.int64), self.weight, np.zeros(0, np.int64))
 
 
 @dataclass(frozen=True)
@@ -65,9 +77,9 @@ class Garment:
     mesh_uid: int
     name: str
     vertices: slice
-    points: np.ndarray
-    triangles: np.ndarray
-    keys: dict
+    points: Floats
+    triangles: Integers
+    keys: dict[str, Floats]
     rig: Rig | None
     rows: Rows
     bone: str
@@ -84,20 +96,20 @@ class Wish:
 
     label: str
     source_uid: int
-    source: tuple
-    target: tuple
-    places: tuple
-    to_world: tuple
-    back: np.ndarray
-    bodies: list
-    garments: list
-    rigs: tuple
-    skins: tuple
-    body_keys: dict
-    notes: list = field(default_factory=list)
+    source: tuple[Floats, Integers]
+    target: tuple[Floats, Integers]
+    places: tuple[Integers, Floats, Floats]
+    to_world: tuple[Floats, ...]
+    back: Floats
+    bodies: list[tuple[int, str, slice]]
+    garments: list[Garment]
+    rigs: tuple[Rig | None, Rig | None]
+    skins: tuple[Rows, Rows]
+    body_keys: dict[str, Floats]
+    notes: list[str] = field(default_factory=list)
 
     @property
-    def height(self):
+    def height(self) -> float:
         """Height of a standing person with as much skin as the target."""
         points, triangles = self.target
         a, b, c = (points[triangles[:, k]] for k in range(3))
@@ -109,7 +121,9 @@ class Wish:
 HEIGHT = 1.3
 
 
-def read(context, wearer, garments, target):
+def read(
+    context: bpy.types.Context, wearer: Character, garments: Sequence[bpy.types.Object], target: Character
+) -> Wish:
     """What it takes to fit these objects of the wearer to a target character.
 
     Raises `UnusableObjectError` where there is no match that can be used.
@@ -152,7 +166,7 @@ def read(context, wearer, garments, target):
         )
 
 
-def _bodies(wearer, target):
+def _bodies(wearer: Character, target: Character) -> list[bpy.types.Object]:
     """The matched meshes of a target that are its skin, the lead first."""
     matched = [obj for obj in target.whole if obj.data.spectral_match.target_fingerprint]
     if not matched:
@@ -164,13 +178,16 @@ def _bodies(wearer, target):
     return [obj for obj in found if obj not in worn] or found
 
 
-def _on_skin(route, bodies, worn):
+def _on_skin(
+    route: Route, bodies: Sequence[bpy.types.Object], worn: Sequence[bpy.types.Object]
+) -> tuple[Integers, tuple[Integers, Floats, Floats], list[str]]:
     """Triangles of the source's skin, where the target's vertices lie on it, and words.
 
     Images on what is worn go to the skin under it. Where there is none nothing is known, unless the body ends
     at the rim of the clothes, which are its skin then.
     """
-    view, triangles, notes = route.view, route.triangles, []
+    view, triangles = route.view, route.triangles
+    notes: list[str] = []
     found = [stored(view, obj.data) for obj in bodies]
     face, weights, confidence = (np.concatenate(values) for values in zip(*found, strict=True))
     piece = np.searchsorted(view.starts, np.arange(len(triangles)), side="right") - 1
@@ -198,11 +215,13 @@ def _on_skin(route, bodies, worn):
     face, weights, confidence = face.copy(), weights.copy(), confidence.copy()
     face[moved], weights[moved] = nearest[0][moved], nearest[1][moved]
     confidence[moved & (apart > reach)] = 0.0
-    number = np.cumsum(bare) - 1
-    return triangles[bare], (number[face], weights, confidence), notes
+    place = np.cumsum(bare) - 1
+    return triangles[bare], (place[face], weights, confidence), notes
 
 
-def _nearest(points, triangles, allowed, places, wanted):
+def _nearest(
+    points: Floats, triangles: Integers, allowed: Integers, places: Floats, wanted: Flags
+) -> tuple[tuple[Integers, Floats], Floats]:
     """For each wanted place the nearest of the allowed triangles, weights there, and how far away it is."""
     tree = BVHTree.FromPolygons(points.tolist(), triangles[allowed].tolist(), all_triangles=True)
     faces, weights, apart = np.zeros(len(places), np.int64), np.zeros((len(places), 3)), np.zeros(len(places))
@@ -217,12 +236,12 @@ def _nearest(points, triangles, allowed, places, wanted):
     return (faces, weights), apart
 
 
-def _barycentric(places, corners):
+def _barycentric(places: Floats, corners: Floats) -> Floats:
     """Weights of the corners (n, 3, 3) of triangles in which places (n, 3) lie."""
     origin, along, up = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     off = places - origin
 
-    def dot(a, b):
+    def dot(a: Floats, b: Floats) -> Floats:
         return np.einsum("ij,ij->i", a, b)
 
     aa, ab, bb, ao, bo = dot(along, along), dot(along, up), dot(up, up), dot(along, off), dot(up, off)
@@ -233,13 +252,13 @@ def _barycentric(places, corners):
     return weights / weights.sum(axis=1, keepdims=True)
 
 
-def _rig_of(objects):
+def _rig_of(objects: Iterable[bpy.types.Object]) -> bpy.types.Object | None:
     """The first armature that deforms one of the objects, or holds it by a bone."""
     found = (character.skin_of(obj) or character.held_by_bone(obj)[0] for obj in objects)
     return next(filter(None, found), None)
 
 
-def _rig(rig, to_world):
+def _rig(rig: bpy.types.Object | None, to_world: Matrix) -> Rig | None:
     if rig is None:
         return None
     names = [bone.name for bone in rig.data.bones]
@@ -251,7 +270,7 @@ def _rig(rig, to_world):
     return Rig(rig.session_uid, rig.name, names, parents, heads, brought)
 
 
-def _rows(obj, rig):
+def _rows(obj: bpy.types.Object, rig: bpy.types.Object | None) -> Rows:
     """Weights of an object's mesh for the bones of a rig."""
     vertex, group, weight = read_weights(obj)
     bone_of = np.full(max([len(obj.vertex_groups), *(group + 1)], default=0), -1)
@@ -263,7 +282,7 @@ def _rows(obj, rig):
     return Rows(vertex[kept], bone[kept], weight[kept])
 
 
-def _rows_of_all(objects, rig):
+def _rows_of_all(objects: Iterable[bpy.types.Object], rig: bpy.types.Object | None) -> Rows:
     """The same of several meshes, one after the other; what hangs on a bone follows that."""
     made, before = [], 0
     for obj in objects:
@@ -277,7 +296,7 @@ def _rows_of_all(objects, rig):
     return Rows(*(np.concatenate(values) for values in zip(*made, strict=True)))
 
 
-def _slices(objects):
+def _slices(objects: Iterable[bpy.types.Object]) -> list[tuple[int, str, slice]]:
     found, before = [], 0
     for obj in objects:
         count = len(obj.data.vertices)
@@ -286,7 +305,7 @@ def _slices(objects):
     return found
 
 
-def _garments(route, lead, garments):
+def _garments(route: Route, lead: bpy.types.Object, garments: Iterable[bpy.types.Object]) -> list[Garment]:
     made, before = [], 0
     for obj in garments:
         matrix = character.placed([lead, obj])[1]
@@ -324,9 +343,10 @@ def _garments(route, lead, garments):
     return made
 
 
-def _body_keys(route, bodies):
+def _body_keys(route: Route, bodies: Sequence[bpy.types.Object]) -> dict[str, Floats]:
     """Displacements of all vertices of the target for each relative shape key of its meshes."""
-    found, matrices = {}, character.placed(bodies)
+    found: dict[str, Floats] = {}
+    matrices = character.placed(bodies)
     count = len(route.target_points)
     for (_, _, own), obj, matrix in zip(_slices(bodies), bodies, matrices, strict=True):
         keys = obj.data.shape_keys

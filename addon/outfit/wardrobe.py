@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What a character wears: its meshes that lie over others of its meshes."""
 
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Sequence
+from typing import TYPE_CHECKING
+
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 from mathutils.bvhtree import BVHTree
 
 from .. import character, mesh_read
+from ..typed import Floats
+
+if TYPE_CHECKING:
+    from ..character import Character
 
 AUTOMATIC, WORN, NOT_WORN = "AUTOMATIC", "WORN", "NOT_WORN"
 # Smaller meshes belong to the body unless they are checked: eyes, teeth and lashes.
@@ -17,10 +26,10 @@ COVERING, UNDER, PROBES = 0.3, 0.06, 100
 # So many of the bones that move what is worn move what it lies on too: a glove is worn, an arm is not.
 SHARED = 0.5
 # Session ids of the meshes of a character → the ids of the objects that are worn, if no box says otherwise.
-_found: dict[tuple, frozenset] = {}
+_found: dict[tuple[int, ...], frozenset[int]] = {}
 
 
-def wearer(source, targets):
+def wearer(source: Character, targets: Iterable[Character]) -> Character:
     """The whole character that a chosen source belongs to, itself where that has meshes of the targets."""
     whole = character.of(source.lead)
     taken = {piece for target in targets for piece in target.whole}
@@ -29,19 +38,19 @@ def wearer(source, targets):
     return whole
 
 
-def body_of(body):
+def body_of(body: Character) -> bpy.types.Object:
     """The mesh of a character that most bones move and that is not worn, of several the largest."""
     wearing = [obj for obj in body.pieces if obj not in worn(body)] or body.pieces
     return max(wearing, key=lambda obj: (len(character.groups_used(obj)), character.extent([obj])))
 
 
-def others(body):
+def others(body: Character) -> list[bpy.types.Object]:
     """All meshes of a character beside its body."""
     wearing = body_of(body)
     return [obj for obj in body.whole if obj != wearing]
 
 
-def worn(body):
+def worn(body: Character) -> list[bpy.types.Object]:
     """What a character wears: as the boxes say, else the larger of its meshes that lie over others."""
     key = tuple(obj.data.session_uid for obj in body.pieces)
     if key not in _found:
@@ -49,17 +58,17 @@ def worn(body):
     return [obj for obj in body.whole if _is_worn(obj, body, _found[key])]
 
 
-def _is_worn(obj, body, found):
+def _is_worn(obj: bpy.types.Object, body: Character, found: Container[int]) -> bool:
     if obj.spectral_match_worn != AUTOMATIC:
         return obj.spectral_match_worn == WORN
     return obj in body.pieces and obj.session_uid in found
 
 
-def _lying_over(pieces):
+def _lying_over(pieces: Sequence[bpy.types.Object]) -> frozenset[int]:
     """Session ids of the larger pieces that lie over others, at rest."""
     trees, points, normals = _surfaces(pieces)
     corners = np.concatenate(points)
-    size = np.linalg.norm(corners.max(axis=0) - corners.min(axis=0))
+    size = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
     share = np.zeros((len(pieces), len(pieces)))
     for number, (own, facing) in enumerate(zip(points, normals, strict=True)):
         every = slice(None, None, max(1, len(own) // PROBES))
@@ -79,9 +88,10 @@ def _lying_over(pieces):
     return frozenset(found)
 
 
-def _surfaces(pieces):
+def _surfaces(pieces: Sequence[bpy.types.Object]) -> tuple[list[BVHTree], list[Floats], list[Floats]]:
     """A search tree of each piece, its vertices and their normals, in the space of the first."""
-    trees, points, normals = [], [], []
+    trees: list[BVHTree] = []
+    points, normals = [], []
     for obj, matrix in zip(pieces, character.placed(pieces), strict=True):
         local = mesh_read.positions(obj.data).astype(np.float64)
         points.append(local @ matrix[:3, :3].T + matrix[:3, 3])
@@ -95,7 +105,9 @@ def _surfaces(pieces):
     return trees, points, normals
 
 
-def _below(place, facing, trees, own, reach):
+def _below(
+    place: Sequence[float], facing: Sequence[float], trees: Sequence[BVHTree], own: int, reach: float
+) -> int | None:
     """Which other surface is nearest to a place, up to a distance, if the place is on its outer side.
 
     It has to face as the place does: skin lies over the lining of a skirt, which faces it.
@@ -110,7 +122,7 @@ def _below(place, facing, trees, own, reach):
     return other if height > 0.0 and agreement > 0.0 else None
 
 
-def _shares_bones(obj, under):
+def _shares_bones(obj: bpy.types.Object, under: Iterable[bpy.types.Object]) -> bool:
     """Whether enough of the bones that move an object move what it lies on, or none is known to."""
     used = character.groups_used(obj) if character.skin_of(obj) is not None else frozenset()
     held = frozenset().union(*map(character.groups_used, under))
@@ -118,7 +130,7 @@ def _shares_bones(obj, under):
 
 
 @persistent
-def _forget_changed(_scene, depsgraph):
+def _forget_changed(_scene: object, depsgraph: bpy.types.Depsgraph) -> None:
     for update in depsgraph.updates if _found else ():
         if update.is_updated_geometry:
             changed = update.id.original
@@ -129,7 +141,7 @@ def _forget_changed(_scene, depsgraph):
 
 
 @persistent
-def forget(_scene=None, _unused=None):
+def forget(_scene: object = None, _unused: object = None) -> None:
     _found.clear()
 
 

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A fitted outfit in the scene: copies of its objects, on the target's rig."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING
+
 import bpy
 import numpy as np
 
@@ -14,11 +19,18 @@ from ..transfer.listed import listed
 from ..transfer.redirect import point, point_drivers
 from ..transfer.shape_keys import LOWEST, read_key
 from ..transfer.weights import write_weights
+from ..typed import Exchanged, Floats
 from . import bones as bones_module
 from . import live
 
+if TYPE_CHECKING:
+    from .fitting import Fitted, Worn
+    from .reading import Garment, Rig, Wish
 
-def write(context, fitted, wearer_name):
+
+def write(
+    context: bpy.types.Context, fitted: Fitted, wearer_name: str
+) -> tuple[list[bpy.types.Object], list[str]]:
     """Put a fitted outfit into the scene; returns the copies and words.
 
     Raises `UnusableObjectError`, before anything is written, where an object was edited or deleted since it
@@ -51,27 +63,36 @@ def write(context, fitted, wearer_name):
     return copies, [*wish.notes, *notes]
 
 
-def _rigs(wish):
+def _rigs(wish: Wish) -> Iterable[Rig]:
     """The source's rigs, each once."""
     found = {rig.uid: rig for rig in (wish.rigs[0], *(each.rig for each in wish.garments)) if rig is not None}
     return found.values()
 
 
-def _unchanged(uid, name, mesh_uid, count):
+def _unchanged(uid: int, name: str, mesh_uid: int, count: int) -> bpy.types.Object:
     obj = mesh_read.present(uid, name)
     if obj.type != "MESH" or obj.data.session_uid != mesh_uid or len(obj.data.vertices) != count:
         raise UnusableObjectError(f"'{obj.name}' was edited since it was read. Fit it again")
     return obj
 
 
-def _present(uid, name, own):
+def _present(uid: int, name: str, own: slice) -> bpy.types.Object:
     obj = mesh_read.present(uid, name)
     if obj.type != "MESH" or len(obj.data.vertices) != own.stop - own.start:
         raise UnusableObjectError(f"'{obj.name}' was edited since it was read. Match and fit again")
     return obj
 
 
-def _fill(own, obj, garment, worn, fitted, lead, rig, new):
+def _fill(
+    own: bpy.types.Object,
+    obj: bpy.types.Object,
+    garment: Garment,
+    worn: Worn,
+    fitted: Fitted,
+    lead: bpy.types.Object,
+    rig: bpy.types.Object | None,
+    new: Sequence[str],
+) -> None:
     """Give a copy its mesh with places, keys, weights and modifiers, and hang it on the target."""
     _own_mesh(own, obj)
     live.put(own, fitted.places[garment.vertices] @ fitted.wish.back, _local(worn.keys, fitted.wish.back))
@@ -84,11 +105,11 @@ def _fill(own, obj, garment, worn, fitted, lead, rig, new):
     attachment.hang(own, lead, rig or lead, bone)
 
 
-def _local(keys, back):
+def _local(keys: Mapping[str, Floats], back: Floats) -> dict[str, Floats]:
     return {name: offsets @ back for name, offsets in keys.items()}
 
 
-def _own_mesh(own, obj):
+def _own_mesh(own: bpy.types.Object, obj: bpy.types.Object) -> None:
     """A fresh copy of the garment's mesh in place of the one that the copy has."""
     before = own.data
     own.data = copied(obj.data)
@@ -104,7 +125,7 @@ def _own_mesh(own, obj):
         own.data.attributes.remove(own.data.attributes[name])
 
 
-def _add_key(own, name, offsets):
+def _add_key(own: bpy.types.Object, name: str, offsets: Floats) -> None:
     """A shape key by which a garment follows the body, unless it has one of this name."""
     if own.data.shape_keys is None:
         own.shape_key_add(name="Basis", from_mix=False)
@@ -117,7 +138,7 @@ def _add_key(own, name, offsets):
     block.data.foreach_set("co", (read_key(held.reference_key) + offsets).astype(np.float32).ravel())
 
 
-def _write_groups(own, garment, worn, new):
+def _write_groups(own: bpy.types.Object, garment: Garment, worn: Worn, new: Sequence[str]) -> None:
     """Weights for the target's bones in place of those for the source's."""
     named = [new[name] if isinstance(name, int) else name for name in worn.names]
     asked = list(masks(own))
@@ -132,7 +153,7 @@ def _write_groups(own, garment, worn, new):
         setattr(modifier, setting, table.get(name, name))
 
 
-def _deform(own, rig):
+def _deform(own: bpy.types.Object, rig: bpy.types.Object | None) -> None:
     """Leave one Armature modifier, on this rig, or none."""
     held = [modifier for modifier in own.modifiers if modifier.type == "ARMATURE"]
     for modifier in held[0 if rig is None else 1 :]:
@@ -152,12 +173,20 @@ def _deform(own, rig):
         own.modifiers.move(own.modifiers.find(made.name), place)
 
 
-def _redirect(fitted, garments, copies, bodies, rig, given, new):
+def _redirect(
+    fitted: Fitted,
+    garments: Sequence[bpy.types.Object],
+    copies: Sequence[bpy.types.Object],
+    bodies: Sequence[bpy.types.Object],
+    rig: bpy.types.Object | None,
+    given: Sequence[bpy.types.Object | None],
+    new: Sequence[str],
+) -> list[str]:
     """Let what the copies look at be the target's; returns words on what has to be bound or was left."""
     wish = fitted.wish
     source = mesh_read.find_object(bpy.data.objects, wish.source_uid)
     whole = character.of(source) if source is not None else None
-    exchanged = {}
+    exchanged: dict[bpy.types.ID, bpy.types.ID] = {}
     for obj in whole.whole if whole is not None else ():
         exchanged |= _with_data(obj, bodies[0])
     if rig is not None:
@@ -188,7 +217,7 @@ def _redirect(fitted, garments, copies, bodies, rig, given, new):
     return notes
 
 
-def _with_data(before, after):
+def _with_data(before: bpy.types.Object, after: bpy.types.Object) -> Exchanged:
     found = {before: after, before.data: after.data}
     keys, own = before.data.shape_keys, after.data.shape_keys
     if keys is not None and own is not None:
@@ -196,7 +225,7 @@ def _with_data(before, after):
     return found
 
 
-def _follow_body(own, worn, bodies):
+def _follow_body(own: bpy.types.Object, worn: Worn, bodies: Sequence[bpy.types.Object]) -> None:
     """Drive the keys that a garment has for those of the body by them."""
     for name in worn.body_keys:
         model = next(
@@ -220,9 +249,10 @@ def _follow_body(own, worn, bodies):
         seen.id_type, seen.id, seen.data_path = "KEY", model.id_data, path
 
 
-def _hide(fitted, wearer_name, bodies):
+def _hide(fitted: Fitted, wearer_name: str, bodies: Sequence[bpy.types.Object]) -> list[str]:
     """A group of what nobody sees of each body, and a Mask modifier that leaves it out."""
     name, notes = f"Hidden by {wearer_name}", []
+    assert fitted.hidden is not None
     for obj, (_, _, own) in zip(bodies, fitted.wish.bodies, strict=True):
         here = np.flatnonzero(fitted.hidden[own])
         group = obj.vertex_groups.get(name)
