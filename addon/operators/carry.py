@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Transfer: carry the checked data across stored matches."""
 
+from collections.abc import Generator, Iterable, Sequence
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import bpy
 from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator
 
@@ -9,15 +14,25 @@ from ..job import Job
 from ..mesh_read import UnusableObjectError
 from ..transfer import KINDS, Carried, TransferAdjustments, carry_all, checked, names_of
 from ..translation import said
+from ..typed import Chosen, Options, Outcome, Settings
 from . import show
 from .running import JobOperator
 from .step import Step, needs_matched
+
+if TYPE_CHECKING:
+    from ..character import Character
 
 # What Adjust Last Operation can change after a transfer.
 ADJUSTED = tuple(TransferAdjustments.__annotations__)
 
 
-def carry(context, source, targets, options, chosen):
+def carry(
+    context: bpy.types.Context,
+    source: "Character | bpy.types.Object | None",
+    targets: Sequence[bpy.types.Object],
+    options: "Options",
+    chosen: "Chosen",
+) -> Generator[tuple[float, str], None, Carried]:
     """`carry_all`, a generator too, in Object Mode to these meshes of a target, from the chosen source or,
     for None, from the one that they were matched with.
 
@@ -41,7 +56,9 @@ def carry(context, source, targets, options, chosen):
     return brought
 
 
-def _of_many(going, number, many):
+def _of_many(
+    going: Generator[tuple[float, str], None, Carried], number: int, many: int
+) -> Generator[tuple[float, str], None, Carried]:
     """Steps of one target among several, and their value."""
     while True:
         try:
@@ -51,7 +68,7 @@ def _of_many(going, number, many):
         yield (number + share) / many, words
 
 
-def _summary(brought, done):
+def _summary(brought: Carried, done: Sequence[Sequence[bpy.types.Object]]) -> str:
     """Words such as "Done: 41 groups, rig", and to how many targets if to several."""
     what = brought.summary() or said("nothing to carry")
     if len(done) == 1:
@@ -64,10 +81,10 @@ def _summary(brought, done):
 class GivenOptions:
     """An operator's options where a script or Adjust Last Operation gave them, else those of the scene."""
 
-    def __init__(self, operator, settings):
+    def __init__(self, operator: Operator, settings: "Settings") -> None:
         self._operator, self._settings = operator, settings
 
-    def __getattr__(self, name):
+    def __getattr__(self, name: str) -> Any:
         given = name in ADJUSTED and self._operator.properties.is_property_set(name)
         return getattr(self._operator if given else self._settings, name)
 
@@ -75,7 +92,7 @@ class GivenOptions:
 class TransferJob(Job):
     """What a transfer did, which it does in the main thread before."""
 
-    def _work(self, _sgmds):
+    def _work(self, _sgmds: ModuleType) -> None:
         """Nothing is left to do."""
 
 
@@ -103,7 +120,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
 
     obstacle = staticmethod(needs_matched)
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> Generator[tuple[float, str], None, Job]:
         found = pair.resolve(context)
         settings = context.scene.spectral_match
         if self.options.is_repeat:
@@ -127,7 +144,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
         self._brought.notes += refused
         return TransferJob()
 
-    def conclude(self, context, job):
+    def conclude(self, context: bpy.types.Context, job: Job) -> Outcome:
         if not self._done:
             self.tell({"INFO"}, "Transfer stopped; nothing was changed")
             return {"CANCELLED"}
@@ -138,7 +155,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
         notice.finish(context, done, self._brought.notes)
         return {"FINISHED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         """Adjust Last Operation: the kinds that the source has, and under each how it was carried."""
         pieces = pair.matched_pieces(context)
         sources = [obj for piece in pieces for obj, _, _ in stored_match.sources_of(piece)]
@@ -156,18 +173,18 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
             for name in kind.options if getattr(self, use) else ():
                 options.prop(self, name)
 
-    def _offer(self, settings):
+    def _offer(self, settings: "Settings") -> None:
         """Have Adjust Last Operation begin with what was done."""
         done = GivenOptions(self, settings)
         for name in ADJUSTED:
             setattr(self, name, getattr(done, name))
 
-    def _keep(self, settings):
+    def _keep(self, settings: "Settings") -> None:
         """What was chosen in Adjust Last Operation is what the panel shows."""
         for name in ADJUSTED:
             setattr(settings, name, getattr(self, name))
 
-    def _choice(self, options):
+    def _choice(self, options: "Options") -> "Chosen":
         """Which items go: those named by the script, those of its kinds, or those checked in the panel."""
         known = [kind.identifier for kind in KINDS]
         items = self._items()
@@ -182,10 +199,10 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
             return checked(options)
         return lambda kind, name: kind.identifier in kinds or f"{kind.identifier}/{name}" in items
 
-    def _items(self):
+    def _items(self) -> set[str]:
         return {line.strip() for line in self.items.splitlines() if line.strip()}
 
-    def _check_items(self, targets):
+    def _check_items(self, targets: Iterable[bpy.types.Object]) -> None:
         """Raise `UnusableObjectError` when the target's source lacks an item that the script named."""
         items = self._items()
         sources = [obj for target in targets for obj, _, _ in stored_match.sources_of(target)]
@@ -212,7 +229,7 @@ class SPECTRAL_MATCH_OT_toggle_item(Step, Operator):
 
     item: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         settings = context.scene.spectral_match
         kind, _, name = self.item.partition("/")
         settings.skip(kind, name, not settings.skips(kind, name))
@@ -229,7 +246,7 @@ class SPECTRAL_MATCH_OT_choose_items(Step, Operator):
     kind: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
     take: BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         settings = context.scene.spectral_match
         kind = next(kind for kind in KINDS if kind.identifier == self.kind)
         pieces = pair.matched_pieces(context)

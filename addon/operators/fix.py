@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fix: exchange the roles, take another of the maps found, exchange left and right."""
 
+from collections.abc import Generator
+from typing import TYPE_CHECKING
+
 import bpy
 from bpy.props import IntProperty
 from bpy.types import Operator
@@ -8,9 +11,14 @@ from bpy.types import Operator
 from .. import laid_over, mesh_write, pair, preferences, stored_match, wording
 from ..job import AlternativeJob
 from ..mesh_read import UnusableObjectError
+from ..typed import Outcome
 from .match import MatchOperator, find_unchanged
 from .running import JobOperator
 from .step import Step, needs_matched
+
+if TYPE_CHECKING:
+    from ..character import Character
+    from ..job import Job
 
 
 class SPECTRAL_MATCH_OT_swap_roles(Step, Operator):
@@ -21,12 +29,12 @@ class SPECTRAL_MATCH_OT_swap_roles(Step, Operator):
     bl_options = {"UNDO"}
 
     @staticmethod
-    def obstacle(context):
+    def obstacle(context: bpy.types.Context) -> str:
         found = pair.resolve(context)
         chosen = found.source is not None and len(found.targets) == 1
         return "" if chosen else "Needs one source and one target"
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         settings = context.scene.spectral_match
         found = pair.resolve(context)
         if settings.pinned:
@@ -34,6 +42,7 @@ class SPECTRAL_MATCH_OT_swap_roles(Step, Operator):
             collections = settings.source_collection, settings.target_collection
             settings.target_collection, settings.source_collection = collections
             return {"FINISHED"}
+        assert found.source is not None
         source, target = _standing(found.source), _standing(found.targets[0])
         for obj in (source, target):
             there = obj.name in context.view_layer.objects
@@ -49,7 +58,7 @@ class SPECTRAL_MATCH_OT_swap_roles(Step, Operator):
         return {"FINISHED"}
 
 
-def _standing(body):
+def _standing(body: "Character") -> bpy.types.Object:
     """The object that stands for a character: the one selected of it, or its lead."""
     chosen = [obj for obj in body.whole if obj.name in bpy.context.view_layer.objects and obj.select_get()]
     active = bpy.context.view_layer.objects.active
@@ -63,7 +72,7 @@ class SPECTRAL_MATCH_OT_pin(Step, Operator):
     bl_label = "Pin Source and Target"
     bl_options = {"UNDO", "INTERNAL"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         settings = context.scene.spectral_match
         if not settings.pinned:
             found = pair.resolve(context)
@@ -83,7 +92,7 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
     step: IntProperty(name="Step", default=1, description="1 for the next map, -1 for the previous one")
 
     @staticmethod
-    def obstacle(context):
+    def obstacle(context: bpy.types.Context) -> str:
         words = needs_matched(context)
         if words:
             return words
@@ -97,20 +106,22 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
             return "The match found no other plausible map. Add landmarks to steer it"
         return ""
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> "Generator[None, None, Job]":
         target = pair.matched(context)[0].lead
         stored = stored_match.require(target, pair.resolve(context).source)
         maps = stored_match.maps_of(target.data)
+        assert maps is not None
         number = (stored.alternative + self.step) % (1 + maps.best.alternative_count)
         threads = preferences.of(context).threads or None
         # Nothing has to be read, so this generator has no steps.
         yield from ()
         return AlternativeJob(maps, number, threads)
 
-    def conclude(self, context, job):
+    def conclude(self, context: bpy.types.Context, job: "Job") -> Outcome:
         if job.cancelled:
             self.tell({"INFO"}, "Cancelled; the map is the same as before")
             return {"CANCELLED"}
+        assert isinstance(job, AlternativeJob)
         maps = job.maps
         sources, targets = find_unchanged(maps.source), find_unchanged(maps.target)
         with mesh_write.object_mode(context, [*sources, *targets]):
@@ -131,7 +142,7 @@ class SPECTRAL_MATCH_OT_swap_sides(MatchOperator, Operator):
     bl_label = "Swap Left and Right"
     bl_options = {"UNDO"}
 
-    def wants_swapped_sides(self, context):
+    def wants_swapped_sides(self, context: bpy.types.Context) -> bool:
         return not pair.matched(context)[0].lead.data.spectral_match.swapped_sides
 
 

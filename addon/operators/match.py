@@ -1,8 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Match: read the objects, have the job run beside the window, write what it found."""
 
+from collections.abc import Generator, Sequence
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
+import bpy
 from bpy.props import BoolProperty
 from bpy.types import Operator
 
@@ -27,13 +30,20 @@ from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
 from ..transfer import Carried, checked, others
 from ..translation import said
+from ..typed import Outcome
 from . import show
 from .carry import carry
 from .running import JobOperator, redraw_sidebars
 from .step import Step, needs_pair, nothing
 
+if TYPE_CHECKING:
+    from ..job import Failed, Job
+    from ..mesh_read import Surface
 
-def reading(context, source, targets, *, swap_sides=False):
+
+def reading(
+    context: bpy.types.Context, source: Character, targets: Sequence[Character], *, swap_sides: bool = False
+) -> Generator[None, None, MatchJob]:
     """Read the objects in short steps, so that the window lives on; the generator's value is the job."""
     settings = context.scene.spectral_match
     evaluated = settings.shape == "EVALUATED"
@@ -58,24 +68,26 @@ def reading(context, source, targets, *, swap_sides=False):
         context, [seen for obj in bodies for seen in (obj, *completion.mirror_objects(obj))] + list(rigs)
     )
     # All questions to objects and settings come before the first step: they may be gone after it.
-    wanted, pairs, notes = {}, {}, []
-    for target in targets:
-        target, words = _writable(source, target)
+    wanted: dict[int, figure.Reading] = {}
+    pairs: dict[int, list[tuple[int, int]]] = {}
+    notes = []
+    for each in targets:
+        target, words = _writable(source, each)
         notes += words
         if target is not None:
             pairs.setdefault(target.lead.session_uid, landmarks.vertex_pairs(settings, source, target))
             wanted.setdefault(target.lead.data.session_uid, figure.Reading(target, evaluated, as_target=True))
     source_surface = yield from figure.Reading(source, evaluated).steps(context)
     surfaces = []
-    for target in wanted.values():
-        surfaces.append((yield from target.steps(context)))
+    for way in wanted.values():
+        surfaces.append((yield from way.steps(context)))
         yield
     job = MatchJob(source_surface, surfaces, options, pairs)
     job.notes += notes
     return job
 
 
-def _writable(source, target):
+def _writable(source: Character, target: Character) -> tuple[Character | None, list[str]]:
     """The target with the pieces whose meshes a match can be written to, or None, and words on others."""
     holder = {piece.data: piece.name for piece in reversed(source.pieces)}
     kept, notes = [], []
@@ -88,7 +100,7 @@ def _writable(source, target):
     return (replace(target, pieces=tuple(kept)) if kept else None), notes
 
 
-def store(context, job):
+def store(context: bpy.types.Context, job: MatchJob) -> tuple[list[bpy.types.Object], list[str]]:
     """Write a finished job's maps to its targets; returns all meshes of these and words on those that could
     not.
     """
@@ -118,11 +130,11 @@ def store(context, job):
     return stored, trouble
 
 
-def failure_words(failed):
+def failure_words(failed: "Failed") -> str:
     return f"'{failed.target.name}' was not matched: {core.explain(failed.error)}"
 
 
-def find_unchanged(surface):
+def find_unchanged(surface: "Surface") -> list[bpy.types.Object]:
     """The objects that a surface was read from, one for each piece.
 
     Raises `UnusableObjectError` when one of them is another one now.
@@ -130,7 +142,7 @@ def find_unchanged(surface):
     return [_find_unchanged(part.surface) for part in figure.parts(surface)]
 
 
-def _find_unchanged(surface):
+def _find_unchanged(surface: "Surface") -> bpy.types.Object:
     obj = mesh_read.present(surface.object_uid, surface.name)
     if obj.type != "MESH" or obj.data.session_uid != surface.mesh_uid:
         raise UnusableObjectError(f"'{obj.name}' got another mesh since it was read. Match again")
@@ -147,14 +159,16 @@ class MatchOperator(JobOperator):
     obstacle = staticmethod(needs_pair)
     then_transfer = False
 
-    def wants_swapped_sides(self, _context):
+    def wants_swapped_sides(self, _context: bpy.types.Context) -> bool:
         return False
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> "Generator[None, None, Job]":
         found = pair.resolve(context)
+        assert found.source is not None
         return reading(context, found.source, found.targets, swap_sides=self.wants_swapped_sides(context))
 
-    def conclude(self, context, job):
+    def conclude(self, context: bpy.types.Context, job: "Job") -> Outcome:
+        assert isinstance(job, MatchJob)
         if job.cancelled and not job.results:
             self.tell({"INFO"}, "Match cancelled; nothing was changed")
             return {"CANCELLED"}
@@ -194,7 +208,7 @@ DONE = {
 }
 
 
-def summary(targets, wanted, transferred, pieces=1):
+def summary(targets: Sequence[bpy.types.Object], wanted: int, transferred: bool, pieces: int = 1) -> str:
     """What was done to these targets, each told by one of its meshes; `pieces` is the most that one has."""
     if wanted > 1:
         return DONE[transferred, pieces > 1].format(len(targets), wanted)
@@ -226,7 +240,7 @@ class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
         name="Allow Mirrored", description="Check Allow Mirrored Match first", options={"SKIP_SAVE"}
     )
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> "Generator[None, None, Job]":
         settings = context.scene.spectral_match
         if self.as_modelled:
             settings.shape = "ORIGINAL"
@@ -234,7 +248,7 @@ class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
             settings.allow_mirror = True
         return super().begin(context)
 
-    def wants_swapped_sides(self, _context):
+    def wants_swapped_sides(self, _context: bpy.types.Context) -> bool:
         return self.swap_sides
 
 
@@ -256,10 +270,10 @@ class SPECTRAL_MATCH_OT_cancel(Step, Operator):
     bl_options = {"INTERNAL"}
 
     @staticmethod
-    def obstacle(_context):
+    def obstacle(_context: bpy.types.Context) -> str:
         return "" if job_module.current is not None else "Nothing is running"
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         job_module.current.cancel()
         redraw_sidebars(context)
         return {"FINISHED"}
@@ -274,7 +288,7 @@ class SPECTRAL_MATCH_OT_dismiss(Step, Operator):
 
     obstacle = staticmethod(nothing)
 
-    def act(self, _context):
+    def act(self, _context: bpy.types.Context) -> Outcome:
         notice.clear()
         return {"FINISHED"}
 

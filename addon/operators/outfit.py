@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fit Outfit: copies of what one character wears, on the matched targets."""
 
+from collections.abc import Generator, Sequence
+from typing import TYPE_CHECKING
+
 import bpy
 from bpy.props import StringProperty
 from bpy.types import Operator
@@ -8,17 +11,26 @@ from bpy.types import Operator
 from .. import core, pair
 from ..mesh_read import UnusableObjectError
 from ..outfit import fitting, live, reading, wardrobe, writing
+from ..typed import Outcome, Settings
 from . import show
 from .running import JobOperator
 from .step import Step, needs_matched
 
+if TYPE_CHECKING:
+    from ..character import Character
+    from ..job import Job
 
-def wearer_of(found):
+# A fitted outfit, and its objects in the scene.
+Made = tuple[fitting.Fitted, list[bpy.types.Object]]
+
+
+def wearer_of(found: pair.Pair) -> "Character":
     """The character whose clothes a pair is about."""
+    assert found.source is not None
     return wardrobe.wearer(found.source, found.targets)
 
 
-def garments_of(wearer, names=""):
+def garments_of(wearer: "Character", names: str = "") -> list[bpy.types.Object]:
     """What is fitted: the objects that a script names, a line each, or those that are worn."""
     wanted = [line.strip() for line in names.splitlines() if line.strip()]
     if wanted:
@@ -38,13 +50,19 @@ def garments_of(wearer, names=""):
     return worn
 
 
-def options_of(settings):
+def options_of(settings: "Settings") -> fitting.Options:
     return fitting.Options(
         settings.outfit_distance, settings.outfit_tightness, settings.outfit_body_keys, settings.outfit_hide
     )
 
 
-def begin_fitting(context, wearer, garments, targets, options):
+def begin_fitting(
+    context: bpy.types.Context,
+    wearer: "Character",
+    garments: Sequence[bpy.types.Object],
+    targets: "Sequence[Character]",
+    options: fitting.Options,
+) -> Generator[None, None, fitting.OutfitJob]:
     """A generator that reads one target after another; its value is the job.
 
     What cannot be read of one target does not stop the others.
@@ -63,7 +81,9 @@ def begin_fitting(context, wearer, garments, targets, options):
     return job
 
 
-def store_fitted(context, job, wearer_name):
+def store_fitted(
+    context: bpy.types.Context, job: fitting.OutfitJob, wearer_name: str
+) -> tuple[list[Made], list[str]]:
     """Write what a finished job fitted; returns pairs of the outfit and its copies, and words on the rest."""
     made, trouble = (
         [],
@@ -95,7 +115,7 @@ class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
 
     obstacle = staticmethod(needs_matched)
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> "Generator[None, None, Job]":
         found = pair.resolve(context)
         wearer = wearer_of(found)
         self._wearer = wearer.name
@@ -104,10 +124,11 @@ class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
         options = options_of(context.scene.spectral_match)
         return (yield from begin_fitting(context, wearer, garments, found.targets, options))
 
-    def conclude(self, context, job):
+    def conclude(self, context: bpy.types.Context, job: "Job") -> Outcome:
         if job.cancelled:
             self.tell({"INFO"}, "Cancelled; nothing was changed")
             return {"CANCELLED"}
+        assert isinstance(job, fitting.OutfitJob)
         made, trouble = store_fitted(context, job, self._wearer)
         if not made:
             return self.fail("\n".join(trouble))
@@ -119,7 +140,7 @@ class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
         return {"FINISHED"}
 
 
-def summary(made):
+def summary(made: Sequence[Made]) -> str:
     """What was fitted, and how much of it is inside."""
     pieces = len(made[0][1])
     inside, many = (
@@ -139,7 +160,7 @@ class SPECTRAL_MATCH_OT_toggle_worn(Step, Operator):
 
     garment: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         found = pair.resolve(context)
         obj = bpy.data.objects.get(self.garment)
         if found.source is None or obj not in wearer_of(found).whole:

@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The partner of the point under the pointer: rest it on one character, see the point on the other."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import bpy
 import numpy as np
 from bpy.types import Operator
 
@@ -9,11 +14,12 @@ from ..mesh_read import UnusableObjectError
 from ..mesh_write import read_places
 from ..overlay import Point
 from ..translation import said, spoken
+from ..typed import Outcome
 from .pick import hit, redraw, region_under
 from .step import Step, going_on, needs_matched
 
 
-def partner_of(point, matched):
+def partner_of(point: Point, matched: Sequence[bpy.types.Object]) -> Point | None:
     """The vertex of the other character nearest to where the match takes a point, or None.
 
     `matched` are target meshes of one match.
@@ -49,15 +55,15 @@ class SPECTRAL_MATCH_OT_follow_pointer(Step, Operator):
     bl_options = {"INTERNAL"}
 
     @staticmethod
-    def obstacle(context):
+    def obstacle(context: bpy.types.Context) -> str:
         if overlay.picking is not None:
             return "Landmarks are being picked. Press Esc to end that"
         return needs_matched(context)
 
-    def act(self, _context):
+    def act(self, _context: bpy.types.Context) -> Outcome:
         raise UnusableObjectError("Points are shown in the window alone")
 
-    def invoke(self, context, _event):
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Outcome:
         if overlay.partners is not None:
             # Pressed again: the one that goes on sees it and ends.
             overlay.partners = None
@@ -72,7 +78,7 @@ class SPECTRAL_MATCH_OT_follow_pointer(Step, Operator):
         redraw(context)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Outcome:
         matched = pair.matched_pieces(context)
         if overlay.partners is None or not matched or (event.type == "ESC" and event.value == "PRESS"):
             return self._end(context)
@@ -86,7 +92,9 @@ class SPECTRAL_MATCH_OT_follow_pointer(Step, Operator):
         return {"PASS_THROUGH"}
 
     @staticmethod
-    def _under(context, event, matched):
+    def _under(
+        context: bpy.types.Context, event: bpy.types.Event, matched: Sequence[bpy.types.Object]
+    ) -> tuple[Point | None, Point | None]:
         region = region_under(context, event)
         if region is None:
             return None, None
@@ -99,10 +107,10 @@ class SPECTRAL_MATCH_OT_follow_pointer(Step, Operator):
         found = (partner_of(point, together) for together in figures)
         return point, next(filter(None, found), None)
 
-    def cancel(self, context):
+    def cancel(self, context: bpy.types.Context) -> None:
         self._end(context)
 
-    def _end(self, context):
+    def _end(self, context: bpy.types.Context) -> Outcome:
         overlay.partners = None
         going_on.discard(self)
         if context.window is not None:

@@ -1,17 +1,25 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Landmarks: pick a vertex on each mesh, go to one, remove one."""
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
+
 import bpy
 import numpy as np
 from bpy.props import EnumProperty, IntProperty, StringProperty
 from bpy.types import Operator
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
+from mathutils import Vector
 
 from .. import landmarks, mesh_read, overlay, pair
 from ..mesh_read import UnusableObjectError
 from ..overlay import Picking, Point
 from ..translation import said, spoken
+from ..typed import Outcome
 from .step import Step, going_on, needs_pair
+
+if TYPE_CHECKING:
+    from ..character import Character
 
 # Where a modifier changes the vertices, the vertex nearest to the place under the pointer is taken, if the
 # shown surface is no farther from the modelled one than this share of its size.
@@ -23,7 +31,7 @@ LEAVING = {"ESC", "RIGHTMOUSE"}
 DONE = {"RET", "NUMPAD_ENTER"}
 
 
-def region_under(context, event):
+def region_under(context: bpy.types.Context, event: bpy.types.Event) -> bpy.types.Region | None:
     """The viewport region under the pointer, None over a sidebar or another editor."""
     for area in context.window.screen.areas:
         if area.type != "VIEW_3D":
@@ -40,15 +48,20 @@ def region_under(context, event):
     return None
 
 
-def redraw(context):
+def redraw(context: bpy.types.Context) -> None:
     for area in context.window.screen.areas:
         if area.type == "VIEW_3D":
             area.tag_redraw()
 
 
-def hit(context, region, pixel, objects):
+def hit(
+    context: bpy.types.Context,
+    region: bpy.types.Region,
+    pixel: tuple[float, float],
+    objects: Iterable[bpy.types.Object],
+) -> Point | None:
     """The vertex of one of the objects under a pixel of a region, or None."""
-    view = region.data
+    view: Any = region.data
     origin, direction = (
         region_2d_to_origin_3d(region, view, pixel),
         region_2d_to_vector_3d(region, view, pixel),
@@ -67,7 +80,7 @@ def hit(context, region, pixel, objects):
     return nearest
 
 
-def _vertex_at(obj, depsgraph, place, face):
+def _vertex_at(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, place: Vector, face: int) -> int:
     """The mesh vertex nearest to a place on face `face` of the surface as shown."""
     shown = obj.evaluated_get(depsgraph).data
     if len(shown.vertices) == len(obj.data.vertices):
@@ -95,7 +108,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
     bl_options = {"INTERNAL"}
 
     @staticmethod
-    def obstacle(context):
+    def obstacle(context: bpy.types.Context) -> str:
         words = needs_pair(context)
         if words:
             return words
@@ -110,10 +123,10 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
                 return "Show both meshes in the viewport first"
         return ""
 
-    def act(self, _context):
+    def act(self, _context: bpy.types.Context) -> Outcome:
         raise UnusableObjectError("Landmarks are picked in the window; scripts can call add_landmark")
 
-    def invoke(self, context, event):
+    def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> Outcome:
         overlay.picking = Picking()
         self._added = 0
         context.window.cursor_modal_set("CROSSHAIR")
@@ -122,7 +135,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         self._show(context)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Outcome:
         found = pair.resolve(context)
         if found.missing or overlay.picking is None:
             return self._end(context)
@@ -156,18 +169,26 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
                 context.workspace.status_text_set(spoken(str(reason)))
         return {"PASS_THROUGH"}
 
-    def cancel(self, context):
+    def cancel(self, context: bpy.types.Context) -> None:
         self._end(context)
 
     @staticmethod
-    def _under(context, found, region, event):
+    def _under(
+        context: bpy.types.Context, found: pair.Pair, region: bpy.types.Region | None, event: bpy.types.Event
+    ) -> Point | None:
         """The vertex under the pointer, or None."""
         if region is None:
             return None
         pixel = (event.mouse_x - region.x, event.mouse_y - region.y)
         return hit(context, region, pixel, (*found.source_pieces, *found.target_pieces))
 
-    def _click(self, context, found, region, event):
+    def _click(
+        self,
+        context: bpy.types.Context,
+        found: pair.Pair,
+        region: bpy.types.Region | None,
+        event: bpy.types.Event,
+    ) -> None:
         point = self._under(context, found, region, event)
         if point is None:
             return
@@ -185,7 +206,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
             state.first = point
         self._show(context)
 
-    def _take_back(self, context):
+    def _take_back(self, context: bpy.types.Context) -> None:
         settings = context.scene.spectral_match
         if overlay.picking.first is not None:
             overlay.picking.first = None
@@ -196,13 +217,13 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
             bpy.ops.ed.undo_push(message="Take Back Landmark")
         self._show(context)
 
-    def _show(self, context):
+    def _show(self, context: bpy.types.Context) -> None:
         context.workspace.status_text_set(
             f"{hint(context)}   |   Enter, Esc: {said('Done')}   |   Backspace: {said('Take Back')}"
         )
         redraw(context)
 
-    def _end(self, context):
+    def _end(self, context: bpy.types.Context) -> Outcome:
         overlay.picking = None
         going_on.discard(self)
         # There is no window any more when another file is being opened.
@@ -215,7 +236,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         return {"FINISHED"}
 
 
-def hint(context):
+def hint(context: bpy.types.Context) -> str:
     """What to click next."""
     found = pair.resolve(context)
     first = overlay.picking.first
@@ -242,8 +263,9 @@ class SPECTRAL_MATCH_OT_add_landmark(Step, Operator):
 
     obstacle = staticmethod(needs_pair)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         found = pair.resolve(context)
+        assert found.source is not None
         source = self._piece(found.source, self.source_mesh)
         target = self._piece(found.targets[0], self.target_mesh)
         for obj, vertex in ((source, self.source_vertex), (target, self.target_vertex)):
@@ -255,7 +277,7 @@ class SPECTRAL_MATCH_OT_add_landmark(Step, Operator):
         return {"FINISHED"}
 
     @staticmethod
-    def _piece(body, name):
+    def _piece(body: "Character", name: str) -> bpy.types.Object:
         """The mesh of a character that has this name, its lead for none."""
         found = next((piece for piece in body.pieces if piece.name == name), None)
         if name and found is None:
@@ -263,7 +285,7 @@ class SPECTRAL_MATCH_OT_add_landmark(Step, Operator):
         return found or body.lead
 
 
-def _needs_landmark(context):
+def _needs_landmark(context: bpy.types.Context) -> str:
     chosen = context.scene.spectral_match.landmark_index in landmarks.listed(context)
     return "" if chosen else "Choose a landmark in the list"
 
@@ -277,7 +299,7 @@ class SPECTRAL_MATCH_OT_remove_landmark(Step, Operator):
 
     obstacle = staticmethod(_needs_landmark)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         settings = context.scene.spectral_match
         removed = settings.landmark_index
         settings.landmarks.remove(removed)
@@ -301,11 +323,11 @@ class SPECTRAL_MATCH_OT_go_to_landmark(Step, Operator):
     )
 
     @staticmethod
-    def obstacle(context):
+    def obstacle(context: bpy.types.Context) -> str:
         in_view = context.space_data is not None and context.space_data.type == "VIEW_3D"
         return _needs_landmark(context) if in_view else "Use this in a 3D viewport"
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         settings = context.scene.spectral_match
         landmark = settings.landmarks[settings.landmark_index]
         found = pair.resolve(context)
@@ -325,7 +347,7 @@ class SPECTRAL_MATCH_OT_go_to_landmark(Step, Operator):
         depsgraph = context.evaluated_depsgraph_get()
         normal = obj.matrix_world.inverted_safe().transposed().to_3x3() @ obj.data.vertices[vertex].normal
         view.view_location = overlay.world_points(obj, depsgraph, [vertex])[0]
-        view.view_distance = max(JUMP_DISTANCE * max(obj.dimensions), 1e-3)
+        view.view_distance = max(JUMP_DISTANCE * max(obj.dimensions[:]), 1e-3)
         if normal.length > 0.0:
             view.view_rotation = normal.to_track_quat("Z", "Y")
         return {"FINISHED"}

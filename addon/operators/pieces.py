@@ -8,6 +8,7 @@ from bpy.types import Operator
 from .. import character, pair
 from ..character import AUTOMATIC, LEFT_OUT, TAKEN
 from ..mesh_read import UnusableObjectError
+from ..typed import Outcome
 from .step import Step
 
 
@@ -20,7 +21,7 @@ class SPECTRAL_MATCH_OT_toggle_piece(Step, Operator):
 
     piece: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         obj = bpy.data.objects.get(self.piece)
         found = pair.resolve(context)
         bodies = [body for body in (found.source, *found.targets) if body is not None]
@@ -42,7 +43,7 @@ class SPECTRAL_MATCH_OT_reset_pieces(Step, Operator):
 
     end: EnumProperty(items=(("SOURCE", "Source", ""), ("TARGET", "Target", "")), options={"SKIP_SAVE"})
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         found = pair.resolve(context)
         bodies = found.targets if self.end == "TARGET" else [found.source]
         for body in filter(None, bodies):

@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Remedies: what a button beside a refusal or a note does where Blender has no operator for it."""
 
+from collections.abc import Iterator
+from typing import Any
+
 import bpy
 import numpy as np
 from bpy.props import BoolProperty, StringProperty
@@ -11,6 +14,7 @@ from ..mesh_read import UnusableObjectError
 from ..transfer import others
 from ..transfer.layouts import own_maps
 from ..transfer.sheets import overlaps
+from ..typed import Flags, Outcome
 from .step import Step
 
 # Between islands, as a share of the square: eight texels of an image 2048 wide, the margin that is baked.
@@ -20,11 +24,11 @@ ISLAND_MARGIN = 8 / 2048
 class OnObject(Step):
     """A step on the object of a name."""
 
-    bl_options = {"UNDO", "INTERNAL"}
+    bl_options: set[Any] = {"UNDO", "INTERNAL"}
 
     name: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         obj = bpy.data.objects.get(self.name)
         if obj is None:
             raise UnusableObjectError(f"There is no object named '{self.name}' any more")
@@ -38,7 +42,7 @@ class SPECTRAL_MATCH_OT_show_object(OnObject, Operator):
     bl_idname = "spectral_match.show_object"
     bl_label = "Show It"
 
-    def act_on(self, obj, context):
+    def act_on(self, obj: bpy.types.Object, context: bpy.types.Context) -> None:
         for layer in _above(context.view_layer.layer_collection, obj):
             layer.exclude = layer.hide_viewport = layer.collection.hide_viewport = False
         obj.hide_viewport = False
@@ -48,7 +52,7 @@ class SPECTRAL_MATCH_OT_show_object(OnObject, Operator):
         obj.hide_set(False)
 
 
-def _above(layer, obj):
+def _above(layer: bpy.types.LayerCollection, obj: bpy.types.Object) -> list[bpy.types.LayerCollection]:
     """The layer collections on one way from this one down to an object; none if it is not below."""
     if obj.name in layer.collection.objects:
         return [layer]
@@ -65,8 +69,8 @@ class SPECTRAL_MATCH_OT_unit_scale(OnObject, Operator):
     bl_idname = "spectral_match.unit_scale"
     bl_label = "Set Its Scale to 1"
 
-    def act_on(self, obj, _context):
-        if all(obj.scale):
+    def act_on(self, obj: bpy.types.Object, _context: bpy.types.Context) -> None:
+        if all(obj.scale[:]):
             raise UnusableObjectError(f"'{obj.name}' itself has a scale: its parent has none. Scale that")
         obj.scale = [factor or 1.0 for factor in obj.scale]
 
@@ -80,7 +84,7 @@ class SPECTRAL_MATCH_OT_unwrap(OnObject, Operator):
     # Whether those are in need whose own map overlaps, instead of those that have none.
     overlapping: BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
 
-    def act_on(self, obj, context):
+    def act_on(self, obj: bpy.types.Object, context: bpy.types.Context) -> None:
         objects = context.view_layer.objects
         in_need = self._overlaps if self.overlapping else self._is_bare
         bare = [obj, *filter(in_need, _matched_with(obj, context))]
@@ -113,16 +117,16 @@ class SPECTRAL_MATCH_OT_unwrap(OnObject, Operator):
         self.tell({"INFO"}, f"{who} got the UV map '{name}'. Transfer again to bake into it")
 
     @staticmethod
-    def _is_bare(obj):
+    def _is_bare(obj: bpy.types.Object) -> bool:
         return not own_maps(obj.data)
 
     @staticmethod
-    def _overlaps(obj):
+    def _overlaps(obj: bpy.types.Object) -> bool:
         own, active = own_maps(obj.data), obj.data.uv_layers.active
         return bool(own) and overlaps(obj.data, active.name if active.name in own else own[0])
 
 
-def _matched_with(obj, context):
+def _matched_with(obj: bpy.types.Object, context: bpy.types.Context) -> list[bpy.types.Object]:
     """The other meshes of a target of the pair that were matched with this one."""
     return [
         each
@@ -133,7 +137,7 @@ def _matched_with(obj, context):
     ]
 
 
-def _unwrap(objects, obj):
+def _unwrap(objects: bpy.types.LayerObjects, obj: bpy.types.Object) -> None:
     """Lay out all faces of a mesh, hidden ones too, in its active UV map."""
     objects.active = obj
     states = list(_states(obj.data))
@@ -148,7 +152,7 @@ def _unwrap(objects, obj):
             elements.foreach_set(state, values)
 
 
-def _states(mesh):
+def _states(mesh: bpy.types.Mesh) -> Iterator[tuple[Any, str, Flags]]:
     """Which vertices, edges and faces are selected and hidden: (elements, name of the state, values)."""
     for elements in (mesh.vertices, mesh.edges, mesh.polygons):
         for state in ("select", "hide"):
@@ -164,7 +168,7 @@ class SPECTRAL_MATCH_OT_remove_outdated(Step, Operator):
     bl_label = "Remove Outdated Landmarks"
     bl_options = {"UNDO", "INTERNAL"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         settings = context.scene.spectral_match
         found = pair.resolve(context)
         of_all = [landmarks.of_pair(settings, found.source, target) for target in found.targets]

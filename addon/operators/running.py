@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Operators whose work goes on while the window lives."""
 
+from __future__ import annotations
+
 import time
+from collections.abc import Generator
+from typing import Any
 
 import bpy
 
@@ -10,14 +14,18 @@ from .. import job as job_module
 from ..job import Job
 from ..mesh_read import value_of
 from ..translation import said
+from ..typed import Outcome
 from .step import Step, going_on
+
+# Reads in short steps: how far it is and what it does, or None; its value is the job.
+Beginning = Generator[tuple[float, str] | None, None, Job]
 
 POLL_SECONDS = 0.05
 # Reading goes on for so long, and one step more, before the window has its turn.
 READ_SECONDS = 0.02
 
 
-def redraw_sidebars(context):
+def redraw_sidebars(context: bpy.types.Context) -> None:
     """Have the sidebars drawn again, and the viewports left alone."""
     for window in context.window_manager.windows:
         for area in window.screen.areas:
@@ -37,35 +45,36 @@ class JobOperator(Step):
 
     blocks = False
 
-    def begin(self, context):
+    def begin(self, context: bpy.types.Context) -> Beginning:
         raise NotImplementedError
 
-    def conclude(self, context, job):
+    def conclude(self, context: bpy.types.Context, job: Job) -> Outcome:
         raise NotImplementedError
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         job = value_of(self.begin(context))
         job.run()
         return self._end(context, job)
 
-    def invoke(self, context, _event):
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Outcome:
         self.pressed = True
         # Timers stand still in background mode, and there is no window to keep alive.
         if bpy.app.background:
             return self.execute(context)
-        self._beginning = self.begin(context)
+        self._beginning: Beginning | None = self.begin(context)
         self._job = job_module.current = Job()
         self._job.blocks = self.blocks
         self._job.stage = "Reading the meshes"
         manager = context.window_manager
-        self._timer = manager.event_timer_add(POLL_SECONDS, window=context.window)
-        manager.modal_handler_add(self)
+        self._timer: bpy.types.Timer | None = manager.event_timer_add(POLL_SECONDS, window=context.window)
+        operator: Any = self
+        manager.modal_handler_add(operator)
         going_on.add(self)
         self._shown = ""
         self._show_progress(context)
         return {"RUNNING_MODAL"}
 
-    def modal(self, context, event):
+    def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> Outcome:
         try:
             return self._follow(context, event)
         except Exception:
@@ -74,7 +83,7 @@ class JobOperator(Step):
             self._stop_watching(context)
             raise
 
-    def _follow(self, context, event):
+    def _follow(self, context: bpy.types.Context, event: bpy.types.Event) -> Outcome:
         if event.type == "ESC" and event.value == "PRESS":
             self._job.cancel()
             self._show_progress(context)
@@ -92,13 +101,14 @@ class JobOperator(Step):
         self._stop_watching(context)
         return self.attempt(self._end, context, self._job)
 
-    def cancel(self, context):
+    def cancel(self, context: bpy.types.Context) -> None:
         """Blender ends the operator, for example because another file is opened."""
         self._job.cancel()
         self._stop_watching(context)
 
-    def _read_on(self):
+    def _read_on(self) -> Outcome:
         until = time.monotonic() + READ_SECONDS
+        assert self._beginning is not None
         if self.blocks and self._job.cancelling:
             self._beginning.close()
             self._beginning = None
@@ -117,7 +127,7 @@ class JobOperator(Step):
             self._job.start()
         return {"RUNNING_MODAL"}
 
-    def _show_progress(self, context):
+    def _show_progress(self, context: bpy.types.Context) -> None:
         job = self._job
         words = job.words
         if words != self._shown:
@@ -125,7 +135,7 @@ class JobOperator(Step):
             context.workspace.status_text_set(f"Spectral Match: {words}   |   Esc: {said('Cancel')}")
         redraw_sidebars(context)
 
-    def _stop_watching(self, context):
+    def _stop_watching(self, context: bpy.types.Context) -> None:
         job_module.current = None
         self._beginning = None
         going_on.discard(self)
@@ -136,7 +146,7 @@ class JobOperator(Step):
             context.workspace.status_text_set(None)
         redraw_sidebars(context)
 
-    def _end(self, context, job):
+    def _end(self, context: bpy.types.Context, job: Job) -> Outcome:
         if job.error is not None:
             return self.fail(core.explain(job.error))
         return self.conclude(context, job)

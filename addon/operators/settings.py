@@ -1,7 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Settings: presets, defaults, the folder of prepared meshes."""
 
+from __future__ import annotations
+
 from pathlib import Path
+
+from typing import Any
 
 import bpy
 from bl_operators.presets import AddPresetBase
@@ -11,6 +15,7 @@ from .. import preferences, prepared
 from ..mesh_read import UnusableObjectError
 from ..transfer import TransferChoice, TransferOptions
 from ..translation import OWN_CONTEXT, spoken
+from ..typed import Outcome
 from .step import Step
 
 FOLDER = Path(__file__).resolve().parents[1]
@@ -27,7 +32,7 @@ PRESET_NAMES = (
 )
 
 
-def shown_name(name):
+def shown_name(name: str) -> str:
     """The name of a preset, or of their menu, in the language of the interface.
 
     Blender itself would take Face for one of a mesh.
@@ -35,18 +40,18 @@ def shown_name(name):
     return bpy.app.translations.pgettext_iface(name, OWN_CONTEXT)
 
 
-def shipped():
+def shipped() -> dict[str, str]:
     """Names of the presets that come with the extension, by what they are called in the interface."""
     names = [bpy.path.display_name(path.name) for path in (FOLDER / "presets" / PRESETS).glob("*.py")]
     return {shown_name(name): name for name in names}
 
 
-def _name_of(path):
+def _name_of(path: str) -> str:
     name = bpy.path.display_name(path, title_case=False)
     return shown_name(name) if Path(path).is_relative_to(FOLDER) else name
 
 
-def path_menu(menu, paths, operator, **keywords):
+def path_menu(menu: Menu, paths: list[str], operator: str, **keywords: Any) -> None:
     """As Blender fills a menu or panel of presets, with our names."""
     Menu.path_menu(menu, paths, operator, **{**keywords, "display_name": _name_of})
 
@@ -69,7 +74,7 @@ class SPECTRAL_MATCH_OT_add_preset(AddPresetBase, Operator):
     preset_defines = ["settings = bpy.context.scene.spectral_match"]
     preset_values = [f"settings.{name}" for name in PRESET_NAMES]
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> Outcome:
         self.name = shipped().get(self.name, self.name)
         removed = bpy.utils.preset_find(self.name, PRESETS, display_name=True)
         if (self.remove_name or self.remove_active) and removed and Path(removed).is_relative_to(FOLDER):
@@ -85,7 +90,7 @@ class SPECTRAL_MATCH_OT_reset(Step, Operator):
     bl_label = "Reset to Defaults"
     bl_options = {"UNDO"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         settings = context.scene.spectral_match
         for name in PRESET_NAMES:
             settings.property_unset(name)
@@ -102,7 +107,7 @@ class SPECTRAL_MATCH_OT_clear_cache(Step, Operator):
     bl_label = "Clear Cache"
     bl_options = {"INTERNAL"}
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         prepared.forget()
         storage = preferences.storage(context)
         if storage is None:
@@ -123,9 +128,9 @@ CLASSES = (
 )
 
 
-def register():
+def register() -> None:
     bpy.utils.register_preset_path(str(FOLDER))
 
 
-def unregister():
+def unregister() -> None:
     bpy.utils.unregister_preset_path(str(FOLDER))

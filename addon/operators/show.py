@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Show a match in the viewport: as colours, as a heat map of how sure it is, as lines, as a morph."""
 
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING, Any
+
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
@@ -20,14 +23,18 @@ from .. import (
     stored_match,
 )
 from ..mesh_read import UnusableObjectError
+from ..typed import Outcome
 from .step import Step, needs_matched
+
+if TYPE_CHECKING:
+    from ..transfer import Carried
 
 # Colour attribute that was active before ours, by mesh session id, and the viewports' colouring before ours.
 _earlier_active: dict[int, str] = {}
-_earlier_colouring: dict[int, tuple] = {}
+_earlier_colouring: dict[int, tuple[Any, ...]] = {}
 
 
-def _viewports(context):
+def _viewports(context: bpy.types.Context) -> list[Any]:
     return [
         area.spaces.active
         for window in context.window_manager.windows
@@ -36,7 +43,7 @@ def _viewports(context):
     ]
 
 
-def _activate(mesh, name):
+def _activate(mesh: bpy.types.Mesh, name: str) -> None:
     colours = mesh.color_attributes
     if name not in colours:
         return
@@ -46,7 +53,7 @@ def _activate(mesh, name):
     colours.active_color = colours[name]
 
 
-def _colour_viewports(context):
+def _colour_viewports(context: bpy.types.Context) -> None:
     for space in _viewports(context):
         shading = space.shading
         _earlier_colouring.setdefault(
@@ -57,7 +64,7 @@ def _colour_viewports(context):
         shading.light, shading.show_cavity = "FLAT", True
 
 
-def _uncolour_viewports(context):
+def _uncolour_viewports(context: bpy.types.Context) -> None:
     for space in _viewports(context):
         if space.shading.color_type == "VERTEX":
             shading = space.shading
@@ -67,10 +74,12 @@ def _uncolour_viewports(context):
     _earlier_colouring.clear()
 
 
-def _colour_anew(context, sources, targets):
+def _colour_anew(
+    context: bpy.types.Context, sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]
+) -> None:
     """A body that was source in one match and target in another is coloured for the later one."""
     with mesh_write.object_mode(context, [*sources, *targets]):
-        by_sources = {}
+        by_sources: dict[tuple[bpy.types.Object, ...], list[bpy.types.Object]] = {}
         for target in targets:
             if sources and stored_match.state(target).usable:
                 own = tuple(obj for obj, _, _ in stored_match.sources_of(target))
@@ -87,13 +96,17 @@ def _colour_anew(context, sources, targets):
             mesh_write.write_colours(own, coloured, colours[:-1], triangles)
 
 
-def show_colours(context, sources, targets):
+def show_colours(
+    context: bpy.types.Context, sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]
+) -> None:
     for obj in [*sources, *targets]:
         _activate(obj.data, "match_color")
     _colour_viewports(context)
 
 
-def show_confidence(context, sources, targets):
+def show_confidence(
+    context: bpy.types.Context, sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]
+) -> None:
     with mesh_write.object_mode(context, targets):
         for target in targets:
             mesh_write.write_heat(target.data)
@@ -103,7 +116,9 @@ def show_confidence(context, sources, targets):
     _colour_viewports(context)
 
 
-def show_nothing(context, sources, targets):
+def show_nothing(
+    context: bpy.types.Context, sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]
+) -> None:
     for obj in [*sources, *targets]:
         colours = obj.data.color_attributes
         earlier = _earlier_active.pop(obj.data.session_uid, "")
@@ -123,7 +138,7 @@ LOOKS = {"TEXTURE": ("textures", "uv", "materials"), "VERTEX": ("colours",)}
 SHOWN = {"COLOURS": show_colours, "CONFIDENCE": show_confidence, "NOTHING": show_nothing}
 
 
-def shown(context, target):
+def shown(context: bpy.types.Context, target: bpy.types.Object) -> str:
     """Which of `SHOWN` this viewport does for the target."""
     active = target.data.color_attributes.active_color
     space = context.space_data
@@ -132,14 +147,16 @@ def shown(context, target):
     return {"match_color": "COLOURS", mesh_write.HEAT: "CONFIDENCE"}.get(active.name, "NOTHING")
 
 
-def show_after_match(context, targets):
+def show_after_match(context: bpy.types.Context, targets: Sequence[bpy.types.Object]) -> None:
     """What the preferences ask for when these meshes are matched."""
     wish = preferences.of(context).show_after_match
     if wish != "NOTHING":
         SHOWN[wish](context, _sources(targets), targets)
 
 
-def show_after_transfer(context, targets, brought):
+def show_after_transfer(
+    context: bpy.types.Context, targets: Sequence[bpy.types.Object], brought: "Carried"
+) -> None:
     """Let the viewport show what was brought: textures and materials as they are, else painted colors."""
     show_nothing(context, _sources(targets), targets)
     seen = next(
@@ -152,7 +169,7 @@ def show_after_transfer(context, targets, brought):
             space.shading.color_type = seen
 
 
-def show_after_fit(context, pieces):
+def show_after_fit(context: bpy.types.Context, pieces: Iterable[bpy.types.Object]) -> None:
     """Let the viewport show characters as they are, their matched pieces among these."""
     targets = [
         obj for obj in pieces if character.is_there(obj) and obj.data.spectral_match.target_fingerprint
@@ -160,14 +177,14 @@ def show_after_fit(context, pieces):
     show_nothing(context, _sources(targets), targets)
 
 
-def _sources(targets):
+def _sources(targets: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
     """The meshes that these were matched with, as far as they are there; each once."""
     found = dict.fromkeys(obj for target in targets for obj, _, _ in stored_match.sources_of(target))
     return [obj for obj in found if character.is_there(obj) and obj.type == "MESH"]
 
 
 @persistent
-def _follow_undo(_scene, _unused=None):
+def _follow_undo(_scene: object, _unused: object = None) -> None:
     """Viewports are no part of undo: color them as the meshes are colored now."""
     targets = [mesh for mesh in bpy.data.meshes if mesh.spectral_match.target_fingerprint]
     if not targets:
@@ -189,7 +206,7 @@ def _follow_undo(_scene, _unused=None):
 
 
 @persistent
-def _forget_file(_path, _unused=None):
+def _forget_file(_path: object, _unused: object = None) -> None:
     _earlier_active.clear()
     _earlier_colouring.clear()
 
@@ -208,10 +225,10 @@ class SPECTRAL_MATCH_OT_show(Step, Operator):
     obstacle = staticmethod(needs_matched)
 
     @classmethod
-    def description(cls, _context, properties):
+    def description(cls, _context: bpy.types.Context, properties: bpy.types.OperatorProperties) -> str:
         return next(words for identifier, _, words in WAYS if identifier == properties.what)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         source = pair.resolve(context).source
         matched = pair.matched_pieces(context)
         for target in matched:
@@ -241,11 +258,11 @@ class SPECTRAL_MATCH_OT_lines(Step, Operator):
     bl_options = {"INTERNAL"}
 
     @staticmethod
-    def obstacle(context):
+    def obstacle(context: bpy.types.Context) -> str:
         # Lines that are on can always be switched off.
         return "" if overlay.lines_shown() else needs_matched(context)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         overlay.show_lines(not overlay.lines_shown())
         for window in context.window_manager.windows:
             for area in window.screen.areas:
@@ -267,7 +284,7 @@ class SPECTRAL_MATCH_OT_morph(Step, Operator):
 
     obstacle = staticmethod(needs_matched)
 
-    def act(self, context):
+    def act(self, context: bpy.types.Context) -> Outcome:
         matched = pair.matched_pieces(context)
         with mesh_write.object_mode(context, matched):
             if any(morph.modifier_of(target) for target in matched):

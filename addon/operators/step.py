@@ -1,35 +1,43 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the operators of the workflow share: when they can be pressed, and how they fail."""
 
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any, TypeVar
+
 import bpy
 
 from .. import core, drawing, notice, pair
 from .. import job as job_module
 from ..mesh_read import UnusableObjectError
 from ..translation import spoken
+from ..typed import Outcome
+
+Result = TypeVar("Result")
 
 # Operators that go on in the window. Disabling the extension takes their classes away without a word to them.
-going_on = set()
+going_on: set[Any] = set()
 
 RUNNING = "A match is running. Wait for it, or press Esc to stop it"
 
 
-def nothing(_context):
+def nothing(_context: bpy.types.Context, /) -> str:
     """For operators that can always be pressed."""
     return ""
 
 
-def needs_pair(context):
+def needs_pair(context: bpy.types.Context) -> str:
     return RUNNING if job_module.current is not None else pair.shown(context).missing
 
 
-def needs_matched(context):
+def needs_matched(context: bpy.types.Context) -> str:
     if job_module.current is not None:
         return RUNNING
     return "" if pair.matched(context) else "Nothing is matched yet. Press Match first"
 
 
-def end_all(context):
+def end_all(context: bpy.types.Context) -> None:
     """End the operators that go on in the window, and give status bar and pointer back wherever they are."""
     if not going_on:
         return
@@ -51,20 +59,20 @@ class Step:
     pressed = False
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         words = cls.obstacle(context)
         if words:
             cls.poll_message_set(spoken(words))
         return not words
 
-    def invoke(self, context, _event):
+    def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Outcome:
         self.pressed = True
         return self.execute(context)
 
-    def execute(self, context):
+    def execute(self, context: bpy.types.Context) -> Outcome:
         return self.attempt(self.act, context)
 
-    def attempt(self, work, *arguments):
+    def attempt(self, work: Callable[..., Result], *arguments: Any) -> Result | Outcome:
         """Do the work; its failure becomes words, and the words of an earlier one go."""
         notice.clear()
         try:
@@ -72,18 +80,18 @@ class Step:
         except (UnusableObjectError, core.CoreMissingError) as reason:
             return self.fail(str(reason))
 
-    def tell(self, kinds, words):
+    def tell(self, kinds: set[Any], words: str) -> None:
         """Report messages, a line each, in the language of the interface."""
         self.report(kinds, " ".join(spoken(words).splitlines()))
 
-    def fail(self, words):
+    def fail(self, words: str) -> Outcome:
         # An error opens a pop-up, which the panel beside it would repeat.
         once = self.pressed and drawing.is_open(bpy.context)
         self.tell({"WARNING"} if once else {"ERROR"}, words)
         notice.say(words)
         return {"CANCELLED"}
 
-    def warn(self, messages):
+    def warn(self, messages: Sequence[str]) -> None:
         """Say what needs attention though the step succeeded."""
         for words in messages:
             self.tell({"WARNING"}, words)
