@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Spectral Match: dense correspondences between two characters, and data carried across them."""
 
+from __future__ import annotations
+
 import atexit
 
 import bpy
@@ -36,7 +38,7 @@ _HANDLERS = (
 )
 
 
-def register():
+def register() -> None:
     translation.register()
     properties.register()
     preferences.register()
@@ -54,7 +56,7 @@ def register():
     atexit.register(unregister)
 
 
-def unregister():
+def unregister() -> None:
     atexit.unregister(unregister)
     step.end_all(bpy.context)
     command_line.unregister()

@@ -1,15 +1,20 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Files, objects and outputs of one run of the command line, and the work on each of them."""
 
+from __future__ import annotations
+
 import dataclasses
 import glob
 import importlib
 import os
 import secrets
 import time
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from fnmatch import fnmatchcase
 from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
 
 import bpy
 
@@ -21,6 +26,14 @@ from .operators.outfit import begin_fitting, garments_of, options_of, store_fitt
 from .outfit import wardrobe
 from .transfer import KINDS, companions
 from .transfer.copies import MADE_FROM
+
+if TYPE_CHECKING:
+    from .character import Character
+
+# What came from another file: the character of each name, and the objects that came with it.
+Brought = dict[str, tuple[character.Character, list[bpy.types.Object]]]
+# A scene and a view layer of it, as a context is told of them.
+Place = dict[str, Any]
 
 # Objects that hold the meshes of a character together.
 HOLDERS = ("ARMATURE", "EMPTY")
@@ -43,7 +56,7 @@ class Pairing:
     """A source object and names or patterns of the objects that receive its data."""
 
     source: str
-    targets: tuple
+    targets: tuple[str, ...]
 
 
 @dataclass(frozen=True)
@@ -53,17 +66,17 @@ class FileJob:
     """
 
     file: Path | None
-    pairings: tuple
+    pairings: tuple[Pairing, ...]
     output: Path
-    kinds: frozenset
+    kinds: frozenset[str]
     source_file: Path | None = None
     keep_source: bool = False
 
-    def shown_file(self):
+    def shown_file(self) -> str:
         return str(self.file or bpy.data.filepath or "the scene")
 
 
-def kinds_of(names):
+def kinds_of(names: Iterable[str] | None) -> frozenset[str]:
     """The kinds of data by their names, for None all of them but outfits."""
     known = {kind.identifier for kind in KINDS}
     unknown = set(names or ()) - known - {OUTFIT}
@@ -97,7 +110,7 @@ OPTIONS = {
 }
 
 
-def read_manifest(path, folder, anywhere):
+def read_manifest(path: Path, folder: Path | None, anywhere: bool) -> tuple[list[FileJob], dict[str, Any]]:
     """File jobs and options of a TOML manifest; `folder` overrides where the outputs go.
 
     Raises `WrongRequestError`.
@@ -115,7 +128,7 @@ def read_manifest(path, folder, anywhere):
             folder = Path(folder).absolute()
         else:
             folder = toml.within(home, table.get("output", path.stem), anywhere)
-        jobs = []
+        jobs: list[FileJob] = []
         for number, entry in enumerate(table.get("jobs", []), start=1):
             where = f"jobs, entry {number}"
             toml.check_keys(entry, JOB, where)
@@ -131,7 +144,15 @@ def read_manifest(path, folder, anywhere):
     return jobs, options
 
 
-def _file_jobs(toml, home, folder, anywhere, table, entry, where):
+def _file_jobs(
+    toml: ModuleType,
+    home: Path,
+    folder: Path | None,
+    anywhere: bool,
+    table: dict[str, Any],
+    entry: dict[str, Any],
+    where: str,
+) -> Iterator[FileJob]:
     if "pairs" in entry:
         pairings = []
         for given in entry["pairs"]:
@@ -157,14 +178,14 @@ def _file_jobs(toml, home, folder, anywhere, table, entry, where):
         yield FileJob(file, tuple(pairings), output, kinds, source_file, entry.get("keep_source", False))
 
 
-def _pairing(entry, where):
+def _pairing(entry: dict[str, Any], where: str) -> Pairing:
     for key in ("source", "targets"):
         if not entry.get(key):
             raise WrongRequestError(f"{where}: lacks '{key}'")
     return Pairing(entry["source"], _strings(entry["targets"], f"{where}, targets"))
 
 
-def _strings(value, where):
+def _strings(value: str | list[str], where: str) -> tuple[str, ...]:
     """A string, or a list of them, as a tuple."""
     values = (value,) if isinstance(value, str) else tuple(value)
     for wrong in (entry for entry in values if not isinstance(entry, str)):
@@ -172,7 +193,7 @@ def _strings(value, where):
     return values
 
 
-def _files(home, patterns, where):
+def _files(home: Path, patterns: str | list[str] | None, where: str) -> Sequence[Path | None]:
     if patterns is None:
         return [None]
     files = []
@@ -185,7 +206,7 @@ def _files(home, patterns, where):
     return list(dict.fromkeys(files))
 
 
-def _with_opened_file(jobs):
+def _with_opened_file(jobs: list[FileJob]) -> list[FileJob]:
     """Of several jobs those on the opened file read it anew: what is open then is what the last one left."""
     if len(jobs) == 1 or all(job.file is not None for job in jobs):
         return jobs
@@ -198,14 +219,14 @@ def _with_opened_file(jobs):
     return [dataclasses.replace(job, file=job.file or opened) for job in jobs]
 
 
-def _check_outputs(jobs):
+def _check_outputs(jobs: Sequence[FileJob]) -> None:
     places = [job.output.resolve() for job in jobs]
     for place in places:
         if places.count(place) > 1:
             raise WrongRequestError(f"Two files would be saved as {place}: use {{file}} in 'output'")
 
 
-def check_overwriting(jobs, overwrite, resume):
+def check_overwriting(jobs: Sequence[FileJob], overwrite: bool, resume: bool) -> list[FileJob]:
     """Refuse to replace an input, or what is there already, unless told; returns the jobs left to do."""
     opened = Path(bpy.data.filepath) if bpy.data.filepath else None
     inputs = {file.resolve() for job in jobs for file in (job.file or opened, job.source_file) if file}
@@ -233,18 +254,23 @@ class Request:
 
     match: bool
     transfer: bool
-    options: dict = field(default_factory=dict)
-    tell: object = lambda words: None
+    options: dict[str, Any] = field(default_factory=dict)
+    tell: Callable[[str], object] = lambda words: None
 
 
-def work_on(context, job, request):
+def work_on(context: bpy.types.Context, job: FileJob, request: Request) -> dict[str, Any]:
     """Do one file; returns its entry of the report. A pair that fails does not stop the next one."""
-    entry = {"file": job.shown_file(), "output": str(job.output), "status": "failed", "pairs": []}
+    entry: dict[str, Any] = {
+        "file": job.shown_file(),
+        "output": str(job.output),
+        "status": "failed",
+        "pairs": [],
+    }
     try:
         if job.file is not None:
             bpy.ops.wm.open_mainfile(filepath=str(job.file), load_ui=False)
             context = bpy.context
-        brought = {}
+        brought: Brought = {}
         for pairing in job.pairings:
             entry["pairs"] += _pairs(context, job, request, pairing, brought)
         if any(done["status"] == "done" for done in entry["pairs"]):
@@ -260,7 +286,9 @@ def work_on(context, job, request):
     return entry
 
 
-def _pairs(context, job, request, pairing, brought):
+def _pairs(
+    context: bpy.types.Context, job: FileJob, request: Request, pairing: Pairing, brought: Brought
+) -> list[dict[str, Any]]:
     """Do one pairing; returns its pairs' entries. An object that is not there makes a failed pair."""
     with_objects = request.transfer and bool({companions.KIND.identifier, OUTFIT} & job.kinds)
     entries, met = [], set()
@@ -283,19 +311,21 @@ def _pairs(context, job, request, pairing, brought):
     return entries
 
 
-def _places(context):
+def _places(context: bpy.types.Context) -> list[Place]:
     """All scenes and view layers of the file, those of the context first, as a context is told of them."""
     shown = [(context.scene, context.view_layer)]
     shown += [(scene, layer) for scene in bpy.data.scenes for layer in scene.view_layers]
     return [{"scene": scene, "view_layer": layer} for scene, layer in dict.fromkeys(shown)]
 
 
-def _came(brought):
+def _came(brought: Brought) -> list[bpy.types.Object]:
     """All objects that came from other files."""
     return [obj for _, objects in brought.values() for obj in objects]
 
 
-def _source(context, job, name, brought, with_objects):
+def _source(
+    context: bpy.types.Context, job: FileJob, name: str, brought: Brought, with_objects: bool
+) -> Character:
     """The character, or mesh, of this name. From another file it comes with its rig and, if asked, what else
     hangs on it.
     """
@@ -315,7 +345,9 @@ def _source(context, job, name, brought, with_objects):
     return source
 
 
-def _bring(context, file, name, with_objects):
+def _bring(
+    context: bpy.types.Context, file: Path, name: str, with_objects: bool
+) -> tuple[Character, list[bpy.types.Object]]:
     """Append the object or collection of this name: the character, and the objects that came to the scene."""
     came, *others = _append(file, name, with_objects)
     if isinstance(came, bpy.types.Object) and came.type in HOLDERS:
@@ -345,7 +377,7 @@ def _bring(context, file, name, with_objects):
     return source, list(dict.fromkeys([came, *belonging] if came in belonging else belonging))
 
 
-def _append(file, name, with_others):
+def _append(file: Path, name: str, with_others: bool) -> list[Any]:
     """The object, or else the collection, of this name, and all other objects if they are wanted."""
     with bpy.data.libraries.load(str(file), link=False) as (there, here):
         if name in there.objects:
@@ -358,14 +390,14 @@ def _append(file, name, with_others):
     return [*here.collections, *here.objects]
 
 
-def _character(found):
+def _character(found: bpy.types.Object | bpy.types.Collection) -> Character | None:
     """The mesh by itself, the whole character of an armature or empty, or that of a collection."""
     if isinstance(found, bpy.types.Collection):
         return character.of_owner(found)
     return character.of(found) if found.type in HOLDERS else character.alone(found)
 
 
-def _named(place, name):
+def _named(place: Place, name: str) -> Character | None:
     """The character of the object or collection of this name in a scene, None where there is none with a
     mesh.
     """
@@ -375,7 +407,7 @@ def _named(place, name):
     return None if found is None else _character(found)
 
 
-def _remove(brought):
+def _remove(brought: Iterable[bpy.types.Object]) -> None:
     for obj in brought:
         data = obj.data
         bpy.data.objects.remove(obj)
@@ -384,7 +416,12 @@ def _remove(brought):
             bpy.data.batch_remove([data])
 
 
-def _targets(context, pattern, sources, hanging):
+def _targets(
+    context: bpy.types.Context,
+    pattern: str,
+    sources: Collection[bpy.types.Object],
+    hanging: Collection[bpy.types.Object],
+) -> list[tuple[Character, Place]]:
     """Characters that the pattern means, each with its place: meshes, else armatures, empties, collections.
 
     Meshes of one rig or empty that wildcards mean are one figure, else a mesh is meant by itself. `sources`
@@ -392,7 +429,7 @@ def _targets(context, pattern, sources, hanging):
     for a target from that.
     """
     left_out = [*sources, *character.holders(sources)]
-    candidates = {}
+    candidates: dict[Any, tuple[int, Place]] = {}
     for place in _places(context):
         objects = [obj for obj in place["view_layer"].objects if obj not in left_out]
         meshes = [obj for obj in objects if obj.type == "MESH"]
@@ -407,8 +444,8 @@ def _targets(context, pattern, sources, hanging):
             ]
             if matches is fnmatchcase:
                 named = [each for each in named if MADE_FROM not in each and each not in hanging]
-            meshes = matches is fnmatchcase and wanted == 0
-            found = _together(named) if meshes else list(filter(None, map(_character, named)))
+            figures = matches is fnmatchcase and wanted == 0
+            found = _together(named) if figures else list(filter(None, map(_character, named)))
             if found:
                 bodies = {body.owner: body for body in found}.values()
                 return [(body, candidates[body.pieces[0]][1]) for body in bodies]
@@ -418,9 +455,9 @@ def _targets(context, pattern, sources, hanging):
     )
 
 
-def _together(meshes):
+def _together(meshes: Iterable[bpy.types.Object]) -> list[Character]:
     """The characters of these meshes: of each rig or empty with those alone, and others by themselves."""
-    by_owner = {}
+    by_owner: dict[bpy.types.ID, list[bpy.types.Object]] = {}
     for obj in meshes:
         owner = character.owner(obj)
         held = isinstance(owner, bpy.types.Object) and owner.type in HOLDERS
@@ -428,8 +465,9 @@ def _together(meshes):
     found = []
     for owner, own in by_owner.items():
         body = character.of_owner(owner)
-        pieces = tuple(piece for piece in body.pieces if piece in own) if len(own) > 1 else ()
-        if len(pieces) > 1:
+        together = body is not None and len(own) > 1
+        pieces = tuple(piece for piece in body.pieces if piece in own) if together else ()
+        if body is not None and len(pieces) > 1:
             left_out = tuple(piece for piece in body.whole if piece not in pieces)
             found.append(dataclasses.replace(body, pieces=pieces, left_out=left_out))
         else:
@@ -437,8 +475,10 @@ def _together(meshes):
     return found
 
 
-def _pair(context, job, request, source, target):
-    entry = {"source": source.name, "target": target.name, "status": "failed", "notes": []}
+def _pair(
+    context: bpy.types.Context, job: FileJob, request: Request, source: Character, target: Character
+) -> dict[str, Any]:
+    entry: dict[str, Any] = {"source": source.name, "target": target.name, "status": "failed", "notes": []}
     if len(target.pieces) > 1:
         entry["meshes"] = [piece.name for piece in target.pieces]
     begun = time.monotonic()
@@ -478,7 +518,7 @@ def _pair(context, job, request, source, target):
     return entry
 
 
-def _match(context, request, source, target):
+def _match(context: bpy.types.Context, request: Request, source: Character, target: Character) -> list[str]:
     """Match and store one target; returns warnings, raises `UnusableObjectError` with a failure's reason."""
     matching = value_of(reading(context, source, [target]))
     matching.options = dataclasses.replace(matching.options, **request.options)
@@ -503,7 +543,7 @@ def _match(context, request, source, target):
     return matching.notes
 
 
-def _fit(context, source, target):
+def _fit(context: bpy.types.Context, source: Character, target: Character) -> tuple[str, list[str]]:
     """Fit what the source wears to one matched target; returns a summary and words.
 
     Raises `UnusableObjectError` where nothing could be fitted.
@@ -520,7 +560,7 @@ def _fit(context, source, target):
     return summary(made), trouble
 
 
-def save(output):
+def save(output: Path) -> None:
     """Write the file beside its place and move it there when it is complete."""
     output = Path(output).absolute()
     output.parent.mkdir(parents=True, exist_ok=True)

@@ -4,14 +4,19 @@
 A character is an armature with all its meshes, the meshes below an empty, those of a collection, or one mesh.
 """
 
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeGuard
 
 import bpy
 import numpy as np
 from bpy.app.handlers import persistent
-from mathutils import Vector
+from mathutils import Matrix, Vector
 
 from .translation import said
+from .typed import Floats
 
 # On objects that are made for a target: the target, which a duplicate of it is not.
 MADE_FOR = "spectral_match_made_for"
@@ -33,25 +38,25 @@ class Character:
     """
 
     owner: bpy.types.ID
-    pieces: tuple
-    left_out: tuple = ()
+    pieces: tuple[bpy.types.Object, ...]
+    left_out: tuple[bpy.types.Object, ...] = ()
 
     @property
-    def lead(self):
+    def lead(self) -> bpy.types.Object:
         """The piece in whose space a figure of several pieces is."""
         return self.pieces[0]
 
     @property
-    def whole(self):
+    def whole(self) -> tuple[bpy.types.Object, ...]:
         """All meshes, those that take part first."""
         return self.pieces + self.left_out
 
     @property
-    def name(self):
+    def name(self) -> str:
         return self.lead.name if len(self.whole) == 1 else self.owner.name
 
     @property
-    def label(self):
+    def label(self) -> str:
         """The name and, where there are several, how many meshes take part."""
         if len(self.whole) == 1:
             return self.name
@@ -60,29 +65,29 @@ class Character:
         return said("{} ({} meshes)", self.name, len(self.whole))
 
 
-def holds(body, obj):
+def holds(body: Character | bpy.types.Object | None, obj: bpy.types.Object | None) -> bool:
     """Whether an object is a piece of a character, or is the object that is given instead of one."""
     return obj in body.whole if isinstance(body, Character) else obj == body
 
 
-def pieces_of(body):
+def pieces_of(body: Character | bpy.types.Object | None) -> tuple[bpy.types.Object, ...]:
     """The pieces of a character, or the object that is given instead of one; nothing for None."""
     if body is None:
         return ()
     return body.pieces if isinstance(body, Character) else (body,)
 
 
-def alone(obj):
+def alone(obj: bpy.types.Object) -> Character:
     """A mesh object by itself."""
     return Character(obj, (obj,))
 
 
-def of(obj):
+def of(obj: bpy.types.Object) -> Character | None:
     """The character that an object is a piece, the armature or the empty of; None where there is no mesh."""
     return of_owner(owner(obj))
 
 
-def of_owner(node):
+def of_owner(node: bpy.types.ID) -> Character | None:
     """The character that an armature, empty, collection or mesh holds together; None without any mesh."""
     if isinstance(node, bpy.types.Object) and node.type == "MESH":
         return alone(node)
@@ -92,7 +97,7 @@ def of_owner(node):
     return _arranged(node, meshes) if meshes else None
 
 
-def groups(objects):
+def groups(objects: Sequence[bpy.types.Object]) -> list[Character | None]:
     """The characters that these objects belong to, each once, in their order; None for one without a mesh.
 
     Where all belong to one they are told apart as far below as they can be: two bodies of one rig are two
@@ -104,7 +109,7 @@ def groups(objects):
     return [of_owner(node) for node in owners]
 
 
-def _arranged(node, meshes):
+def _arranged(node: bpy.types.ID, meshes: list[bpy.types.Object]) -> Character:
     """The character of these meshes: which take part, and which one leads."""
     if len(meshes) == 1:
         return alone(meshes[0]) if isinstance(node, bpy.types.Object) else Character(node, tuple(meshes))
@@ -116,13 +121,13 @@ def _arranged(node, meshes):
     return Character(node, tuple(taken), tuple(obj for obj in meshes if obj not in taken))
 
 
-def _takes_part(obj, in_hand):
+def _takes_part(obj: bpy.types.Object, in_hand: Container[bpy.types.Object]) -> bool:
     if obj.spectral_match_part != AUTOMATIC:
         return obj.spectral_match_part == TAKEN
     return _shown(obj) and obj not in in_hand
 
 
-def _shown(obj):
+def _shown(obj: bpy.types.Object) -> bool:
     """Whether the object is not hidden in the scenes that have it."""
     if obj.hide_viewport:
         return False
@@ -130,9 +135,10 @@ def _shown(obj):
     return obj.name not in layer.objects or not obj.hide_get(view_layer=layer)
 
 
-def _held(meshes):
+def _held(meshes: Sequence[bpy.types.Object]) -> set[bpy.types.Object]:
     """Those of the meshes that a hand holds: on a bone that moves no skin, though others do, and large."""
-    skinned, found = {}, set()
+    skinned: dict[bpy.types.Object, list[bpy.types.Object]] = {}
+    found = set()
     for obj in meshes:
         rig = skin_of(obj)
         if rig is not None:
@@ -146,18 +152,18 @@ def _held(meshes):
     return found
 
 
-def extent(objects):
+def extent(objects: Iterable[bpy.types.Object]) -> float:
     """Diagonal of the box around objects in the world."""
     corners = [obj.matrix_world @ Vector(corner) for obj in objects for corner in obj.bound_box]
-    low, high = (Vector(map(pick, zip(*corners, strict=True))) for pick in (min, max))
+    low, high = (Vector([*map(pick, zip(*corners, strict=True))]) for pick in (min, max))
     return (high - low).length
 
 
 # Names of the groups in which a mesh has weights, by its session id: read anew when the mesh changed.
-_groups_used: dict[int, frozenset] = {}
+_groups_used: dict[int, frozenset[str]] = {}
 
 
-def groups_used(obj):
+def groups_used(obj: bpy.types.Object) -> frozenset[str]:
     """Names of the groups in which a mesh has weights."""
     uid = obj.data.session_uid
     if uid not in _groups_used:
@@ -166,7 +172,7 @@ def groups_used(obj):
     return _groups_used[uid]
 
 
-def _moves(obj, bone):
+def _moves(obj: bpy.types.Object, bone: str) -> bool:
     """Whether a bone moves vertices of an object."""
     return bone in groups_used(obj)
 
@@ -174,13 +180,13 @@ def _moves(obj, bone):
 # Who holds whom.
 
 
-def skin_of(obj):
+def skin_of(obj: bpy.types.Object) -> bpy.types.Object | None:
     """The armature that deforms an object, by a modifier that is on if any is, or None."""
     found = [m for m in obj.modifiers if m.type == "ARMATURE" and m.object is not None]
     return next((m.object for m in sorted(found, key=lambda m: not m.show_viewport)), None)
 
 
-def held_by_bone(obj):
+def held_by_bone(obj: bpy.types.Object) -> tuple[bpy.types.Object | None, str]:
     """The armature and the name of the bone that an object hangs on, by its parents; else None and ""."""
     while obj.parent is not None:
         if obj.parent_type == "BONE" and obj.parent.type == "ARMATURE":
@@ -189,7 +195,7 @@ def held_by_bone(obj):
     return None, ""
 
 
-def at_rest(obj):
+def at_rest(obj: bpy.types.Object) -> Matrix:
     """The object's matrix in the world with the bone on which it hangs at rest."""
     rig, name = held_by_bone(obj)
     bone = rig.pose.bones.get(name) if rig is not None else None
@@ -200,14 +206,14 @@ def at_rest(obj):
     return rig.matrix_world @ moved.inverted_safe() @ rig.matrix_world.inverted_safe() @ obj.matrix_world
 
 
-def placed(pieces, *, posed=False):
+def placed(pieces: Sequence[bpy.types.Object], *, posed: bool = False) -> list[Floats]:
     """Matrices (4, 4) from each piece's space to that of the first one, with bones at rest or as they are."""
     matrices = [obj.matrix_world if posed else at_rest(obj) for obj in pieces]
     first = matrices[0].inverted_safe()
     return [np.eye(4)] + [np.array(first @ matrix, np.float64) for matrix in matrices[1:]]
 
 
-def _holders(obj):
+def _holders(obj: bpy.types.Object) -> list[bpy.types.Object]:
     """What holds an object, from the nearest on: its armature or parent, what holds that, and so on."""
     passed = [obj]
     while True:
@@ -218,18 +224,20 @@ def _holders(obj):
         obj = holder
 
 
-def holders(objects):
+def holders(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
     """The armatures and empties that hold these objects, each once."""
     held = dict.fromkeys(holder for obj in objects for holder in _holders(obj))
     return [holder for holder in held if holder.type in {"ARMATURE", "EMPTY"}]
 
 
-def owner(obj):
+def owner(obj: bpy.types.Object) -> bpy.types.ID:
     """The armature, empty, collection or object itself that holds together what the object is a piece of."""
     return _owner(obj, _rigs_below())
 
 
-def _owner(obj, rigs_below):
+def _owner(
+    obj: bpy.types.Object, rigs_below: Mapping[bpy.types.Object, list[bpy.types.Object]]
+) -> bpy.types.ID:
     held = [obj, *_holders(obj)]
     armatures = [holder for holder in held if holder.type == "ARMATURE"]
     empties = [holder for holder in held if holder.type == "EMPTY"]
@@ -245,9 +253,9 @@ def _owner(obj, rigs_below):
     return collections[-1] if collections else obj
 
 
-def _rigs_below():
+def _rigs_below() -> dict[bpy.types.Object, list[bpy.types.Object]]:
     """The outermost armatures below each empty."""
-    below = {}
+    below: dict[bpy.types.Object, list[bpy.types.Object]] = {}
     for obj in bpy.data.objects:
         if obj.type == "ARMATURE" and is_there(obj):
             held = _holders(obj)
@@ -257,9 +265,10 @@ def _rigs_below():
     return below
 
 
-def _collections(obj):
+def _collections(obj: bpy.types.Object) -> list[bpy.types.Collection]:
     """The collections of the object that hold loose meshes alone, the outermost last."""
-    for collection in obj.users_collection:
+    for nearest in obj.users_collection:
+        collection: bpy.types.Collection | None = nearest
         found = []
         while collection is not None and _is_loose(collection):
             found.append(collection)
@@ -269,11 +278,11 @@ def _collections(obj):
     return []
 
 
-def _above(collection):
+def _above(collection: bpy.types.Collection) -> bpy.types.Collection | None:
     return next((other for other in bpy.data.collections if collection.name in other.children), None)
 
 
-def _is_loose(collection):
+def _is_loose(collection: bpy.types.Collection) -> bool:
     """Whether a collection is a character by itself: no scene's own, no set, and all in it is loose."""
     if collection.is_embedded_data:
         return False
@@ -283,7 +292,7 @@ def _is_loose(collection):
     return not any(holder.type in {"ARMATURE", "EMPTY"} for obj in objects for holder in _holders(obj))
 
 
-def _members(node):
+def _members(node: bpy.types.ID) -> list[bpy.types.Object]:
     """The mesh objects that a node holds together."""
     if isinstance(node, bpy.types.Collection):
         return [obj for obj in node.all_objects if obj.type == "MESH"]
@@ -297,17 +306,17 @@ def _members(node):
     ]
 
 
-def _is_surface(obj):
+def _is_surface(obj: bpy.types.Object) -> bool:
     return bool(obj.data.polygons) and MADE_FOR not in obj
 
 
-def _shapes(meshes):
+def _shapes(meshes: Iterable[bpy.types.Object]) -> set[bpy.types.Object | None]:
     """Objects that bones are shown as."""
     rigs = {holder for obj in meshes for holder in _holders(obj) if holder.type == "ARMATURE"}
     return {bone.custom_shape for rig in rigs for bone in (rig.pose.bones if rig.pose else ())} - {None}
 
 
-def _apart(objects):
+def _apart(objects: Iterable[bpy.types.Object]) -> Iterator[bpy.types.ID]:
     """What holds each object as far up as not all of them are below it."""
     chains = []
     for obj in objects:
@@ -321,13 +330,13 @@ def _apart(objects):
         yield chain[0] if split or not below else below[-1]
 
 
-def is_there(obj):
+def is_there(obj: bpy.types.Object | None) -> TypeGuard[bpy.types.Object]:
     """False for None and for an object that was deleted and is only kept by a reference to it."""
     return obj is not None and bool(obj.users_scene)
 
 
 @persistent
-def _forget_changed(_scene, depsgraph):
+def _forget_changed(_scene: object, depsgraph: bpy.types.Depsgraph) -> None:
     for update in depsgraph.updates:
         if update.is_updated_geometry:
             changed = update.id.original
@@ -337,7 +346,7 @@ def _forget_changed(_scene, depsgraph):
 
 
 @persistent
-def forget(_scene=None, _unused=None):
+def forget(_scene: object = None, _unused: object = None) -> None:
     _groups_used.clear()
 
 

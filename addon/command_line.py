@@ -5,13 +5,17 @@ Exit status: 0 done, 1 something failed, 2 wrong usage, 130 cancelled. Progress 
 error, a line each.
 """
 
+from __future__ import annotations
+
 import argparse
 import json
 import os
 import secrets
 import signal
 import sys
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import bpy
 
@@ -24,7 +28,7 @@ REPORT_BEGINNING = b'{\n "blender": '
 _command = None
 
 
-def run(arguments):
+def run(arguments: list[str]) -> int:
     """Do one step on the opened file, or on the files of a manifest; returns the exit status."""
     try:
         wishes = _wishes(arguments)
@@ -59,12 +63,12 @@ def run(arguments):
     return status
 
 
-def _wishes(arguments):
+def _wishes(arguments: list[str]) -> argparse.Namespace:
     """Parsed arguments that fit together; else argparse's own exit with words and status 2."""
     parser = _parser()
     wishes = parser.parse_args(arguments)
 
-    def given(*names):
+    def given(*names: str) -> str:
         return ", ".join("--" + name.replace("_", "-") for name in names if getattr(wishes, name))
 
     described = given("source", "source_file", "target", "transfer", "output", "keep_source")
@@ -77,14 +81,14 @@ def _wishes(arguments):
     return wishes
 
 
-def _kinds(words):
+def _kinds(words: str) -> frozenset[str]:
     try:
         return batch.kinds_of(words.split(","))
     except batch.WrongRequestError as reason:
         raise argparse.ArgumentTypeError(str(reason)) from None
 
 
-def _parser():
+def _parser() -> argparse.ArgumentParser:
     kinds = ",".join(kind.identifier for kind in KINDS)
     parser = argparse.ArgumentParser(
         prog="blender --background FILE.blend --command spectral_match",
@@ -131,7 +135,7 @@ def _parser():
     return parser
 
 
-def _work(wishes, report):
+def _work(wishes: argparse.Namespace, report: dict[str, Any]) -> int:
     jobs, options = _jobs(wishes)
     options |= {name: value for name in batch.OPTIONS if (value := getattr(wishes, name))}
     left = batch.check_overwriting(jobs, wishes.overwrite, wishes.resume)
@@ -140,7 +144,7 @@ def _work(wishes, report):
     failed = 0
     for number, job in enumerate(left, start=1):
         prefix = f"file {number} of {len(left)}, " if len(left) > 1 else ""
-        request.tell = lambda words, prefix=prefix: _tell(prefix + words)
+        request.tell = partial(_tell_of, prefix)
         entry = batch.work_on(bpy.context, job, request)
         report["files"].append(entry)
         failed_pairs = sum(pair["status"] != "done" for pair in entry["pairs"])
@@ -152,7 +156,7 @@ def _work(wishes, report):
     return _fail(f"{failed} of the pairs or files failed") if failed else DONE
 
 
-def _jobs(wishes):
+def _jobs(wishes: argparse.Namespace) -> tuple[list[batch.FileJob], dict[str, Any]]:
     """The jobs of the manifest, or the one that the options describe, and the manifest's options."""
     if wishes.manifest:
         return batch.read_manifest(wishes.manifest, wishes.folder, wishes.anywhere)
@@ -173,7 +177,7 @@ def _jobs(wishes):
     return [job], {}
 
 
-def _is_anothers(path):
+def _is_anothers(path: Path) -> bool:
     """Whether a file is there that is neither a report nor empty."""
     if not path.is_file():
         return False
@@ -182,7 +186,7 @@ def _is_anothers(path):
     return not REPORT_BEGINNING.startswith(head)
 
 
-def _write_whole(path, text):
+def _write_whole(path: Path, text: str) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
     file = open(temporary, "x", encoding="utf-8")
@@ -194,7 +198,7 @@ def _write_whole(path, text):
         temporary.unlink(missing_ok=True)
 
 
-def _tell(words):
+def _tell(words: str) -> None:
     # Names of objects and files may hold anything, also what moves a terminal's cursor.
     line = " ".join(words.split())
     shown = "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in line)
@@ -202,15 +206,19 @@ def _tell(words):
     sys.stderr.flush()
 
 
-def _fail(words):
+def _tell_of(prefix: str, words: str) -> None:
+    _tell(prefix + words)
+
+
+def _fail(words: str) -> int:
     _tell(words)
     return FAILED
 
 
-def register():
+def register() -> None:
     global _command
     _command = bpy.utils.register_cli_command("spectral_match", run)
 
 
-def unregister():
+def unregister() -> None:
     bpy.utils.unregister_cli_command(_command)

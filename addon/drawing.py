@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the panels share: text that fits the sidebar, and where they belong."""
 
+from __future__ import annotations
+
 import re
+from collections.abc import Callable
 
 import blf
+import bpy
 
 from . import pair
 from .translation import spoken
+from .typed import EnumItem, Settings
 
 # Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
 PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 60, 10, 20
@@ -17,7 +22,7 @@ PORTIONS = re.compile(r"[\u3000-\u9fff\uff00-\uffef][、。,:;」”)]*|\s*[^\s\
 BIG = 1.6
 
 
-def wrapped(text, fits):
+def wrapped(text: str, fits: Callable[[str], bool]) -> list[str]:
     """Split text into lines of which `fits(line)` holds, because labels do not wrap.
 
     Between words, and after any sign of a script without spaces.
@@ -33,7 +38,16 @@ def wrapped(text, fits):
     return [*lines, line.rstrip()] if line.strip() else lines
 
 
-def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, beside=0):
+def draw_words(
+    context: bpy.types.Context,
+    layout: bpy.types.UILayout,
+    text: str,
+    icon: EnumItem = "NONE",
+    *,
+    boxed: bool = False,
+    dim: bool = False,
+    beside: float = 0,
+) -> None:
     """Several lines of text that fit into the sidebar, the icon first, `beside` pixels to spare."""
     scale = context.preferences.system.ui_scale
     margin = PANEL_MARGIN + boxed * BOX_MARGIN + (icon != "NONE") * ICON_WIDTH + beside
@@ -49,7 +63,7 @@ def draw_words(context, layout, text, icon="NONE", *, boxed=False, dim=False, be
         )
 
 
-def draw_option(layout, settings, name, **how):
+def draw_option(layout: bpy.types.UILayout, settings: Settings, name: str, **how: Any) -> None:
     """A setting, its label in the left half; a check box has all of the row, not the right half alone."""
     row = layout.row()
     if settings.bl_rna.properties[name].type == "BOOLEAN":
@@ -57,15 +71,15 @@ def draw_option(layout, settings, name, **how):
     row.prop(settings, name, **how)
 
 
-def fold(layout, settings, opened, text):
+def fold(layout: bpy.types.UILayout, settings: Settings, opened: str, text: str) -> None:
     """A line with an arrow, which shows or hides what follows."""
     row = layout.row()
     row.alignment = "LEFT"
-    icon = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
+    icon: EnumItem = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
     row.prop(settings, opened, text=text, icon=icon, emboss=False)
 
 
-def is_open(context):
+def is_open(context: bpy.types.Context) -> bool:
     """Whether a sidebar shows the tab."""
     return any(
         region.type == "UI" and region.width > 1 and region.active_panel_category == MatchTab.bl_category
@@ -77,8 +91,8 @@ def is_open(context):
 
 
 class MatchTab:
-    bl_space_type = "VIEW_3D"
-    bl_region_type = "UI"
+    bl_space_type: EnumItem = "VIEW_3D"
+    bl_region_type: EnumItem = "UI"
     bl_category = "Match"
 
 
@@ -90,5 +104,5 @@ class MatchedSubPanel(SubPanel):
     """Drawn only where a target has a match."""
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         return bool(pair.matched(context))

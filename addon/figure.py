@@ -1,12 +1,17 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The surfaces of a character's pieces as one, and the way back from it to each of them."""
 
+from __future__ import annotations
+
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 
+import bpy
 import numpy as np
 
 from . import character, completion, mesh_read
 from .mesh_read import Surface
+from .typed import Floats, Integers
 
 
 @dataclass(frozen=True)
@@ -29,10 +34,10 @@ class Figure(Surface):
     `parts` are in the order of the vertices and of the triangles.
     """
 
-    parts: tuple = ()
+    parts: tuple[Part, ...] = ()
 
 
-def parts(surface):
+def parts(surface: Surface) -> tuple[Part, ...]:
     """The pieces of a figure; a surface alone is its own."""
     if isinstance(surface, Figure):
         return surface.parts
@@ -45,12 +50,14 @@ class Reading:
     With `evaluated` they are read as they are shown and posed, else as modelled with bones at rest.
     """
 
-    def __init__(self, figure, evaluated=False, *, as_target=False):
+    def __init__(
+        self, figure: character.Character, evaluated: bool = False, *, as_target: bool = False
+    ) -> None:
         self._name, self._settings = figure.label, {"evaluated": evaluated, "as_target": as_target}
         self._pieces = [(obj.session_uid, obj.name) for obj in figure.pieces]
         self._matrices = character.placed(figure.pieces, posed=evaluated)
 
-    def steps(self, context):
+    def steps(self, context: bpy.types.Context) -> Generator[None, None, Surface]:
         """A generator as `mesh_read.reading` is, whose value is the surface."""
         surfaces = []
         for uid, name in self._pieces:
@@ -61,7 +68,7 @@ class Reading:
         return surfaces[0] if len(surfaces) == 1 else joined(self._name, surfaces, self._matrices)
 
 
-def joined(name, surfaces, matrices):
+def joined(name: str, surfaces: Sequence[Surface], matrices: Sequence[Floats]) -> Figure:
     """One figure of surfaces and the matrices (4, 4) that lead from their spaces to that of the first."""
     made, placed, triangles = [], [], []
     vertex = triangle = 0
@@ -94,12 +101,12 @@ def joined(name, surfaces, matrices):
     )
 
 
-def _moved(points, matrix):
+def _moved(points: Floats, matrix: Floats) -> Floats:
     # Not as a matrix product, whose threads would take the window's processor.
     return np.einsum("ij,kj->ik", points, matrix[:3, :3]) + matrix[:3, 3]
 
 
-def _completed(made, matrices):
+def _completed(made: Sequence[Part], matrices: Sequence[Floats]) -> completion.Body | None:
     """The whole body where Mirror modifiers add halves of some pieces, else None.
 
     As in the body of one surface the modelled vertices are the first: all images come after them.
@@ -132,7 +139,7 @@ def _completed(made, matrices):
     )
 
 
-def in_pieces(surface, faces, barycentric):
+def in_pieces(surface: Surface, faces: Integers, barycentric: Floats) -> tuple[Integers, Integers, Floats]:
     """Places in a figure's triangles → the piece that each is on, and its triangle and weights there."""
     found = parts(surface)
     starts = np.array([part.triangles.start for part in found])

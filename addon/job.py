@@ -9,11 +9,17 @@ import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from . import core, prepared
-from .mesh_read import matched_bodies
+from .mesh_read import Surface, matched_bodies
 from .translation import said
+
+if TYPE_CHECKING:
+    from sgmds import Correspondence
+
+    from .completion import Body
+    from .stored_match import SessionMaps
 
 # The core's stages in an artist's words; one that is not here is shown by its own name.
 STAGE_WORDS = {
@@ -58,8 +64,8 @@ class MatchOptions:
 class Matched:
     """One finished target: its surface, the map found, and the time it took."""
 
-    target: Any
-    found: Any
+    target: Surface
+    found: Correspondence
     seconds: float
 
 
@@ -67,7 +73,7 @@ class Matched:
 class Failed:
     """One target that could not be matched, and why."""
 
-    target: Any
+    target: Surface
     error: Exception
 
 
@@ -164,8 +170,8 @@ class MatchJob(Job):
     `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex).
     """
 
-    source: Any
-    targets: list[Any]
+    source: Surface
+    targets: list[Surface]
     options: MatchOptions
     landmarks: Mapping[int, Iterable[tuple[int, int]]] = field(default_factory=dict)
     results: list[Matched] = field(default_factory=list, init=False)
@@ -185,14 +191,14 @@ class MatchJob(Job):
             else:
                 self.results.append(Matched(target, found, time.monotonic() - begun))
 
-    def _match(self, sgmds: ModuleType, number: int, target: Any) -> Any:
+    def _match(self, sgmds: ModuleType, number: int, target: Surface) -> Correspondence:
         many = len(self.targets)
         label = f"{number + 1} / {many}: " if many > 1 else ""
 
         def part(words: str, first: float, share: float) -> Callable[[str, float], bool]:
             return self._progress(label + words, (number + first) / many, share / many)
 
-        def shape(surface: Any, body: Any, first: float, sides: float = 1.0) -> Any:
+        def shape(surface: Surface, body: Body, first: float, sides: float = 1.0) -> Any:
             vertices, triangles = surface.for_core(body)
             return prepared.shape(
                 vertices * (sides, 1.0, 1.0),
@@ -226,7 +232,7 @@ class MatchJob(Job):
 class AlternativeJob(Job):
     """Complete map `number` of a finished match, 0 the best: `found`. `maps` are its `SessionMaps`."""
 
-    maps: Any
+    maps: SessionMaps
     number: int
     threads: int | None = None
     found: Any = field(default=None, init=False)

@@ -1,7 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pairs of vertices that the artist knows to correspond, and whether they still hold."""
 
+from __future__ import annotations
+
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import bpy
 
@@ -9,6 +12,10 @@ from . import palette, stored_match
 from .character import holds, pieces_of
 from .mesh_read import UnusableObjectError
 from .pair import shown
+from .typed import Landmark, Settings
+
+if TYPE_CHECKING:
+    from .character import Character
 
 
 @dataclass(frozen=True)
@@ -23,7 +30,9 @@ class Ends:
     target_topology: str
 
 
-def ends(landmark, source, target):
+def ends(
+    landmark: Landmark, source: Character | bpy.types.Object | None, target: Character | bpy.types.Object
+) -> Ends | None:
     """The landmark's vertices, exchanged when the roles were swapped; None when it is another pair's.
 
     Source and target are characters, or objects by themselves.
@@ -38,13 +47,15 @@ def ends(landmark, source, target):
     return None
 
 
-def of_pair(settings, source, target):
+def of_pair(
+    settings: Settings, source: Character | bpy.types.Object | None, target: Character | bpy.types.Object
+) -> list[tuple[Landmark, Ends]]:
     """The landmarks of this pair with their ends, in the list's order."""
     found = ((landmark, ends(landmark, source, target)) for landmark in settings.landmarks)
     return [(landmark, pair) for landmark, pair in found if pair is not None]
 
 
-def listed(context):
+def listed(context: bpy.types.Context) -> list[int]:
     """Places in the scene's list of the chosen pairs' landmarks, which are those that the panel shows."""
     chosen = shown(context)
     return [
@@ -54,7 +65,7 @@ def listed(context):
     ]
 
 
-def outdated(pair):
+def outdated(pair: Ends) -> bpy.types.Object | None:
     """The object whose vertices were renumbered since the landmark was picked, or None."""
     for obj, topology in ((pair.source, pair.source_topology), (pair.target, pair.target_topology)):
         if stored_match.current_fingerprint(obj.data).topology != topology:
@@ -62,7 +73,9 @@ def outdated(pair):
     return None
 
 
-def vertex_pairs(settings, source, target):
+def vertex_pairs(
+    settings: Settings, source: Character | bpy.types.Object | None, target: Character | bpy.types.Object
+) -> list[tuple[int, int]]:
     """What the core takes: [(source vertex, target vertex)], in figures counted through all their pieces.
 
     A landmark that is outdated, or on a piece that is left out, is refused in words.
@@ -90,7 +103,7 @@ def vertex_pairs(settings, source, target):
     return pairs
 
 
-def follow(mesh, old, new):
+def follow(mesh: bpy.types.Mesh, old: str, new: str) -> None:
     """Landmarks on this mesh, whose topology changed from `old` to `new` without renumbering, still hold."""
     for scene in bpy.data.scenes:
         for landmark in scene.spectral_match.landmarks:
@@ -100,7 +113,13 @@ def follow(mesh, old, new):
                     setattr(landmark, f"{end}_topology", new)
 
 
-def add(settings, source, source_vertex, target, target_vertex):
+def add(
+    settings: Settings,
+    source: bpy.types.Object,
+    source_vertex: int,
+    target: bpy.types.Object,
+    target_vertex: int,
+) -> Landmark:
     """Append a landmark under a name that is free in the list: that of its colour.
 
     Raises `UnusableObjectError` where one of the two vertices has a landmark of this pair.
@@ -123,7 +142,7 @@ def add(settings, source, source_vertex, target, target_vertex):
     return landmark
 
 
-def _free_name(settings, name):
+def _free_name(settings: Settings, name: str) -> str:
     """The name, or the first of "Orange 2", "Orange 3" and so on that no landmark has."""
     names = {landmark.name for landmark in settings.landmarks}
     ways = (name if number == 1 else f"{name} {number}" for number in range(1, len(names) + 2))

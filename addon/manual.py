@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Right-click ▸ Online Manual on a button leads to its panel's page, where the zip names a website."""
 
+from __future__ import annotations
+
 import tomllib
 from functools import cache
 from pathlib import Path
@@ -30,14 +32,14 @@ PAGES = {
 
 
 @cache
-def website():
+def website() -> str:
     """Where the manual is, with a slash at the end, or "" where the zip names none."""
     manifest = tomllib.loads((Path(__file__).parent / "blender_manifest.toml").read_text(encoding="utf-8"))
     address = manifest.get("website", "").rstrip("/")
     return address and f"{address}/"
 
 
-def pages():
+def pages() -> tuple[str, tuple[tuple[str, str], ...]]:
     """What Blender asks for: a prefix, and (pattern of an operator, rest of the address)."""
     names = [
         (f"bpy.ops.spectral_match.{name}*", f"{page}.html")
@@ -47,16 +49,16 @@ def pages():
     return (website(), tuple(names)) if website() else ("", ())
 
 
-def draw_links(layout):
+def draw_links(layout: bpy.types.UILayout) -> None:
     """Buttons to the manual and to the page for reports; none where the zip names no website."""
     if website():
         layout.operator("wm.url_open", text="Documentation", icon="HELP").url = f"{website()}index.html"
         layout.operator("wm.url_open", text="Report a Bug", icon="URL").url = f"{website()}report.html"
 
 
-def register():
+def register() -> None:
     bpy.utils.register_manual_map(pages)
 
 
-def unregister():
+def unregister() -> None:
     bpy.utils.unregister_manual_map(pages)

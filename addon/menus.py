@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The steps where artists look for them: Object > Link/Transfer Data, and the right-click menu of objects."""
 
+from __future__ import annotations
+
 import bpy
 
 from . import pair
@@ -8,7 +10,7 @@ from . import pair
 MENUS = ("VIEW3D_MT_make_links", "VIEW3D_MT_object_context_menu")
 
 
-def _draw(menu, context):
+def _draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     layout = menu.layout
     layout.separator()
     layout.operator_context = "INVOKE_DEFAULT"
@@ -18,7 +20,7 @@ def _draw(menu, context):
         layout.operator("spectral_match.transfer", text="Transfer from Match", icon="IMPORT")
 
 
-def _draw_on_characters(menu, context):
+def _draw_on_characters(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     """The right-click menu is long already: nothing but where two characters are chosen."""
     if not pair.shown(context).missing:
         _draw(menu, context)
@@ -27,11 +29,11 @@ def _draw_on_characters(menu, context):
 DRAWN = dict(zip(MENUS, (_draw, _draw_on_characters), strict=True))
 
 
-def register():
+def register() -> None:
     for name, draw in DRAWN.items():
         getattr(bpy.types, name).append(draw)
 
 
-def unregister():
+def unregister() -> None:
     for name, draw in DRAWN.items():
         getattr(bpy.types, name).remove(draw)

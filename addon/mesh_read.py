@@ -1,13 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Turn a Blender object into plain arrays, or say in words why it cannot be used."""
 
+from __future__ import annotations
+
 import hashlib
+from collections.abc import Generator, Iterable
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
 import bpy
 import numpy as np
+from numpy.typing import NDArray
 
 from . import character, completion, morph
+from .typed import Flags, Floats, Integers, Values
+
+Value = TypeVar("Value")
 
 
 class UnusableObjectError(Exception):
@@ -21,11 +29,11 @@ class Fingerprint:
     topology: str
     shape: str
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{self.topology}:{self.shape}"
 
     @classmethod
-    def parse(cls, text):
+    def parse(cls, text: str) -> Fingerprint:
         topology, _, shape = text.partition(":")
         return cls(topology, shape)
 
@@ -42,39 +50,41 @@ class Surface:
     name: str
     object_uid: int
     mesh_uid: int
-    local: np.ndarray
-    triangles: np.ndarray
-    placed: np.ndarray
+    local: Floats
+    triangles: Integers
+    placed: Floats
     completed: completion.Body | None
     fingerprint: Fingerprint
 
     @property
-    def modelled(self):
+    def modelled(self) -> completion.Body:
         """The body as it is modelled."""
         return completion.Body.modelled(self.local.astype(np.float64), self.triangles)
 
     @property
-    def mirrored(self):
+    def mirrored(self) -> bool:
         """Whether the object's transform mirrors, which turns every face over."""
         return bool(np.linalg.det(self.placed) < 0.0)
 
-    def for_core(self, body):
+    def for_core(self, body: completion.Body) -> tuple[Floats, Integers]:
         """Vertices of a body, turned and scaled as the object is, and its triangles, wound as seen."""
         # Not as a matrix product, whose threads would take the window's processor.
         vertices = np.einsum("ij,kj->ik", body.points, self.placed)
         return vertices, body.triangles[:, ::-1] if self.mirrored else body.triangles
 
-    def from_core(self, body, faces, barycentric):
+    def from_core(
+        self, body: completion.Body, faces: Integers, barycentric: Floats
+    ) -> tuple[Integers, Floats]:
         """Places in those triangles → places in `triangles`."""
         return body.as_modelled(faces, barycentric[:, ::-1] if self.mirrored else barycentric)
 
 
-def matched_bodies(source, target):
+def matched_bodies(source: Surface, target: Surface) -> tuple[completion.Body, completion.Body]:
     """Which bodies of two surfaces are matched: each whole where a Mirror modifier completes it."""
     return source.completed or source.modelled, target.completed or target.modelled
 
 
-def check_usable(obj, *, as_target=False):
+def check_usable(obj: bpy.types.Object, *, as_target: bool = False) -> None:
     """Raise `UnusableObjectError` when `obj` can be neither read nor, as a target, written to."""
     if obj.type != "MESH":
         raise UnusableObjectError(f"'{obj.name}' is not a mesh. Convert it to a mesh first")
@@ -100,7 +110,7 @@ def check_usable(obj, *, as_target=False):
         raise UnusableObjectError(f"'{obj.name}' has no faces. Matching needs a surface")
 
 
-def positions(mesh):
+def positions(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
     """Vertex coordinates, (n, 3) float32."""
     values = np.empty(len(mesh.vertices) * 3, np.float32)
     # The attribute is the fast path, and is absent while the mesh is open in edit mode.
@@ -111,7 +121,7 @@ def positions(mesh):
     return values.reshape(-1, 3)
 
 
-def corner_vertices(mesh):
+def corner_vertices(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     """Vertex of every face corner, int32."""
     values = np.empty(len(mesh.loops), np.int32)
     if mesh.is_editmode:
@@ -121,39 +131,39 @@ def corner_vertices(mesh):
     return values
 
 
-def face_starts(mesh):
+def face_starts(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     """First corner of every face and, at the end, the number of corners: (faces + 1,) int32."""
     values = np.empty(len(mesh.polygons), np.int32)
     mesh.polygons.foreach_get("loop_start", values)
     return np.append(values, np.int32(len(mesh.loops)))
 
 
-def slots_shown(obj):
+def slots_shown(obj: bpy.types.Object) -> NDArray[np.int32]:
     """Material slot that every face shows, int32: an index beyond the slots shows the last one."""
     index = np.empty(len(obj.data.polygons), np.int32)
     obj.data.polygons.foreach_get("material_index", index)
     return np.minimum(index, len(obj.material_slots) - 1)
 
 
-def edges(mesh):
+def edges(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     """Vertices of every edge, (edges, 2) int32."""
     values = np.empty(len(mesh.edges) * 2, np.int32)
     mesh.edges.foreach_get("vertices", values)
     return values.reshape(-1, 2)
 
 
-def triangle_corners(mesh):
+def triangle_corners(mesh: bpy.types.Mesh) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
     """`loop_triangles` as corner ids (m, 3), and the face of every triangle (m,), both int32."""
     corners, faces, unsure = value_of(_fans(positions(mesh), corner_vertices(mesh), face_starts(mesh)))
     return _as_blender_has_them(mesh, corners, faces, unsure), faces
 
 
-def triangle_vertices(mesh):
+def triangle_vertices(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     """Vertices of the `loop_triangles`, (m, 3) int32."""
     return corner_vertices(mesh)[triangle_corners(mesh)[0]]
 
 
-def value_of(generator):
+def value_of(generator: Generator[Any, None, Value]) -> Value:
     """Go through a generator to its end at once and return its value."""
     while True:
         try:
@@ -170,7 +180,7 @@ FLAT = 1e-4
 MOST_SINGLE_READS = 50_000
 
 
-def _fans(points, corners, starts):
+def _fans(points: Floats, corners: Integers, starts: Integers) -> Generator[None, None, tuple[Values, ...]]:
     """Triangles of all faces around their first corners, as Blender has those of triangles and of most quads.
 
     A generator of short steps, because Blender reads its own only all at once (0.2 s for 500,000 quads); its
@@ -184,7 +194,9 @@ def _fans(points, corners, starts):
     return tuple(np.concatenate(parts) for parts in zip(*made, strict=True))
 
 
-def _fans_of(points, corners, starts, begin):
+def _fans_of(
+    points: Floats, corners: Integers, starts: Integers, begin: int
+) -> tuple[Values, Values, Values]:
     first, size = starts[:-1], np.diff(starts)
     face = np.repeat(np.arange(len(size), dtype=np.int32), size - 2)
     # A face of c corners has c - 2 triangles, so the first one of each face follows from its first corner.
@@ -196,7 +208,7 @@ def _fans_of(points, corners, starts, begin):
     places = points[corners[first[quads, None] + np.arange(4)]].astype(np.float64)
     along, diagonal, up = np.moveaxis(places[:, 1:] - places[:, :1], 1, 0)
 
-    def dot(a, b):
+    def dot(a: Floats, b: Floats) -> Floats:
         return np.einsum("ij,ij->i", a, b)
 
     # (along × diagonal) · (up × diagonal): negative where both halves face the same way.
@@ -207,26 +219,28 @@ def _fans_of(points, corners, starts, begin):
     return triangles, face + np.int32(begin), unsure[face]
 
 
-def _as_blender_has_them(mesh, corners, faces, unsure):
+def _as_blender_has_them(
+    mesh: bpy.types.Mesh, corners: NDArray[np.int32], faces: Integers, unsure: Flags
+) -> NDArray[np.int32]:
     """The triangles' corners with the unsure ones read from the mesh."""
-    unsure = np.flatnonzero(unsure).tolist()
-    if unsure:
+    numbers = np.flatnonzero(unsure).tolist()
+    if numbers:
         mesh.calc_loop_triangles()
         if len(mesh.loop_triangles) != len(faces):
             raise UnusableObjectError(f"'{mesh.name}' was edited while it was read. Match again")
-        if len(unsure) > MOST_SINGLE_READS:
+        if len(numbers) > MOST_SINGLE_READS:
             mesh.loop_triangles.foreach_get("loops", corners.ravel())
         else:
-            corners[unsure] = [mesh.loop_triangles[number].loops for number in unsure]
+            corners[numbers] = [mesh.loop_triangles[number].loops for number in numbers]
     return corners
 
 
-def fingerprint(mesh):
+def fingerprint(mesh: bpy.types.Mesh) -> Fingerprint:
     """Recognise the mesh later: changes with its numbering, faces or coordinates, and with nothing else."""
     return _fingerprint(positions(mesh), corner_vertices(mesh), face_starts(mesh))
 
 
-def _fingerprint(points, corners, starts):
+def _fingerprint(points: Floats, corners: Integers, starts: Integers) -> Fingerprint:
     topology = hashlib.blake2b(digest_size=12)
     topology.update(len(points).to_bytes(8, "little"))
     topology.update(corners.tobytes())
@@ -235,7 +249,9 @@ def _fingerprint(points, corners, starts):
     return Fingerprint(topology.hexdigest(), shape.hexdigest())
 
 
-def reading(context, obj, *, evaluated=False, as_target=False):
+def reading(
+    context: bpy.types.Context, obj: bpy.types.Object, *, evaluated: bool = False, as_target: bool = False
+) -> Generator[None, None, Surface]:
     """Read `obj` for the core: as modelled, or with `evaluated` as its modifiers and shape keys show it.
 
     A generator of short steps, between which the window lives on; its value is the `Surface`. A mesh that is
@@ -276,7 +292,7 @@ def reading(context, obj, *, evaluated=False, as_target=False):
     )
 
 
-def _same_mesh(object_uid, mesh_uid, name):
+def _same_mesh(object_uid: int, mesh_uid: int, name: str) -> bpy.types.Mesh:
     """The mesh that reading began with: the user may have deleted it between two steps."""
     obj = find_object(bpy.data.objects, object_uid)
     if obj is None or obj.type != "MESH" or obj.data.session_uid != mesh_uid:
@@ -288,7 +304,7 @@ def _same_mesh(object_uid, mesh_uid, name):
 SMALLEST_VOLUME_SCALE = 1e-18
 
 
-def _evaluated_positions(context, obj):
+def _evaluated_positions(context: bpy.types.Context, obj: bpy.types.Object) -> NDArray[np.float32]:
     """Coordinates after modifiers and shape keys, which must leave numbering and faces as they are."""
     if morph.factor_of(obj) > 0.0:
         raise UnusableObjectError(f"'{obj.name}' is morphed. Set Morph to 0 and match again")
@@ -316,7 +332,7 @@ def _evaluated_positions(context, obj):
         shown.to_mesh_clear()
 
 
-def place(context, objects):
+def place(context: bpy.types.Context, objects: Iterable[bpy.types.Object]) -> None:
     """Have Blender tell where these objects stand, by showing those that it left out meanwhile.
 
     It leaves out what is switched off or not in the view layer: in a file just opened that stands nowhere.
@@ -339,7 +355,7 @@ def place(context, objects):
         obj.hide_viewport = True
 
 
-def present(uid, name):
+def present(uid: int, name: str) -> bpy.types.Object:
     """The object with this session id; raises `UnusableObjectError` when it was deleted."""
     obj = find_object(bpy.data.objects, uid)
     if not character.is_there(obj):
@@ -347,6 +363,6 @@ def present(uid, name):
     return obj
 
 
-def find_object(scene_objects, uid):
+def find_object(scene_objects: Iterable[bpy.types.Object], uid: int) -> bpy.types.Object | None:
     """The object with this session id, or None when it was deleted; a renamed object is still found."""
     return next((obj for obj in scene_objects if obj.session_uid == uid), None)

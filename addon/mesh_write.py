@@ -1,14 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Turn arrays into attributes of a mesh, and a finished match into the attributes that artists use."""
 
+from __future__ import annotations
+
 import uuid
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 import bpy
 import numpy as np
 
 from . import figure, palette
 from .mesh_read import UnusableObjectError, matched_bodies
+from .typed import EnumItem, Floats, Integers, Values
+
+if TYPE_CHECKING:
+    from sgmds import Correspondence, Quality
+
+    from .mesh_read import Surface
 
 # Names of our own attributes begin so: they are never carried.
 OURS = "match_"
@@ -18,7 +28,7 @@ PIECE = "match_piece"
 MATCH_IMAGE = "match_image"
 
 # Attribute type → (name of the value in foreach_set, numbers an element, number type).
-VALUE_LAYOUT = {
+VALUE_LAYOUT: dict[str, tuple[str, int, type[np.generic]]] = {
     "FLOAT": ("value", 1, np.float32),
     "INT": ("value", 1, np.int32),
     "INT8": ("value", 1, np.int8),
@@ -34,7 +44,7 @@ VALUE_LAYOUT = {
 }
 
 
-def read_attribute(attribute):
+def read_attribute(attribute: bpy.types.Attribute) -> Values:
     """Values of an attribute: (elements,) or (elements, numbers). Colours are linear in both colour types.
 
     Texts are bytes in an array of objects.
@@ -51,7 +61,7 @@ def read_attribute(attribute):
 UV_MAP, COLOUR, PLAIN = "a UV map", "a color attribute", "an attribute"
 
 
-def sort_of(data_type, domain):
+def sort_of(data_type: str, domain: str) -> str:
     """`UV_MAP`, `COLOUR` or `PLAIN`."""
     if data_type == "FLOAT2" and domain == "CORNER":
         return UV_MAP
@@ -60,7 +70,7 @@ def sort_of(data_type, domain):
     return PLAIN
 
 
-def check_name(obj, name, data_type, domain):
+def check_name(obj: bpy.types.Object, name: str, data_type: str, domain: str) -> None:
     """Raise `UnusableObjectError` when `write_attribute` would find the name taken on this object.
 
     Attributes, UV maps, colour attributes and vertex groups share their names; of these only UV maps can be
@@ -73,7 +83,9 @@ def check_name(obj, name, data_type, domain):
         raise _taken(obj, name, "a vertex group", wanted)
 
 
-def _check_sort(owner, attribute, name, data_type, domain):
+def _check_sort(
+    owner: bpy.types.ID, attribute: bpy.types.Attribute | None, name: str, data_type: str, domain: str
+) -> None:
     """What is on the mesh by this name may be overwritten, or replaced by one of the same sort."""
     if attribute is None or (attribute.data_type, attribute.domain) == (data_type, domain):
         return
@@ -82,14 +94,16 @@ def _check_sort(owner, attribute, name, data_type, domain):
         raise _taken(owner, name, "a built-in attribute" if attribute.is_required else kept, wanted)
 
 
-def _taken(owner, name, kept, wanted):
+def _taken(owner: bpy.types.ID, name: str, kept: str, wanted: str) -> UnusableObjectError:
     return UnusableObjectError(
         f"'{owner.name}' has {kept} named '{name}' and cannot get {wanted} of the same name. "
         "Rename it and try again"
     )
 
 
-def write_attribute(mesh, name, data_type, domain, values):
+def write_attribute(
+    mesh: bpy.types.Mesh, name: str, data_type: EnumItem, domain: EnumItem, values: Values
+) -> None:
     """Create or overwrite the attribute `name`; one of its sort but another type or domain is replaced."""
     attribute = mesh.attributes.get(name)
     _check_sort(mesh, attribute, name, data_type, domain)
@@ -109,7 +123,7 @@ def write_attribute(mesh, name, data_type, domain, values):
 
 
 @contextmanager
-def object_mode(context, objects):
+def object_mode(context: bpy.types.Context, objects: Iterable[bpy.types.Object]) -> Iterator[None]:
     """Attributes are written in object mode: leave edit or sculpt mode, and return afterwards.
 
     A mesh may be open through another object that shares it.
@@ -126,7 +140,7 @@ def object_mode(context, objects):
             _set_mode(context, obj, mode)
 
 
-def _set_mode(context, obj, mode):
+def _set_mode(context: bpy.types.Context, obj: bpy.types.Object, mode: EnumItem) -> None:
     # The operator works on all objects being edited together, so one may be there already.
     if obj.mode == mode:
         return
@@ -138,12 +152,18 @@ def _set_mode(context, obj, mode):
         )
 
 
-def image_points(points, triangles, faces, barycentric):
+def image_points(points: Floats, triangles: Integers, faces: Integers, barycentric: Floats) -> Floats:
     """Points in triangles: `points` (n, c) of the vertices, one row for each entry of `faces`."""
     return np.einsum("ij,ijc->ic", barycentric, points[triangles[faces]])
 
 
-def write_match(sources, targets, source_surface, target_surface, found):
+def write_match(
+    sources: Sequence[bpy.types.Object],
+    targets: Sequence[bpy.types.Object],
+    source_surface: Surface,
+    target_surface: Surface,
+    found: Correspondence,
+) -> None:
     """Write one correspondence as attributes: colours on all pieces, the map itself on those of the target.
 
     `sources` and `targets` are the objects of the two surfaces' pieces.
@@ -167,7 +187,7 @@ def write_match(sources, targets, source_surface, target_surface, found):
         if mesh not in written:
             written.add(mesh)
             write_attribute(mesh, "match_position", "FLOAT_VECTOR", "POINT", position[own])
-            write_places(mesh, len(sources) > 1, *(values[own] for values in places))
+            write_places(mesh, len(sources) > 1, *(np.asarray(values)[own] for values in places))
             write_attribute(mesh, "match_confidence", "FLOAT", "POINT", confidence[own])
             if HEAT in mesh.attributes:
                 write_heat(mesh)
@@ -181,7 +201,14 @@ def write_match(sources, targets, source_surface, target_surface, found):
     _remember(sources, targets, source_surface, target_surface, found.quality, confidence)
 
 
-def write_places(mesh, of_many, piece, faces, barycentric, image):
+def write_places(
+    mesh: bpy.types.Mesh,
+    of_many: bool,
+    piece: Integers,
+    faces: Integers,
+    barycentric: Floats,
+    image: Integers,
+) -> None:
     """Write where each vertex's image is: the piece of the source, its modelled triangle, the weights there,
     and in which mirrors of that piece.
     """
@@ -194,7 +221,7 @@ def write_places(mesh, of_many, piece, faces, barycentric, image):
             mesh.attributes.remove(mesh.attributes[name])
 
 
-def read_places(mesh):
+def read_places(mesh: bpy.types.Mesh) -> tuple[Values, Values, Values, Values]:
     """What `write_places` wrote: (n,), (n,), (n, 3) and (n,)."""
     faces = read_attribute(mesh.attributes["match_face"])
     piece, image = (
@@ -204,7 +231,12 @@ def read_places(mesh):
     return piece, faces, read_attribute(mesh.attributes["match_barycentric"]), image
 
 
-def write_colours(sources, targets, colours, triangles):
+def write_colours(
+    sources: Sequence[bpy.types.Object],
+    targets: Sequence[bpy.types.Object],
+    colours: Sequence[Floats],
+    triangles: Sequence[Integers],
+) -> None:
     """Give the sources these colours of their vertices, and each vertex of the targets that of its image in
     their triangles.
     """
@@ -219,7 +251,7 @@ def write_colours(sources, targets, colours, triangles):
         _write_colour(source.data, values)
 
 
-def _write_colour(mesh, values):
+def _write_colour(mesh: bpy.types.Mesh, values: Floats) -> None:
     if mesh.is_editable:
         write_attribute(mesh, "match_color", "FLOAT_COLOR", "POINT", values)
         mesh.update()
@@ -228,13 +260,20 @@ def _write_colour(mesh, values):
 HEAT = "match_heat"
 
 
-def write_heat(mesh):
+def write_heat(mesh: bpy.types.Mesh) -> None:
     """Confidence as colours, beside the plain number."""
     confidence = read_attribute(mesh.attributes["match_confidence"])
     write_attribute(mesh, HEAT, "FLOAT_COLOR", "POINT", palette.heat_colours(confidence))
 
 
-def _remember(sources, targets, source_surface, target_surface, quality, confidence):
+def _remember(
+    sources: Sequence[bpy.types.Object],
+    targets: Sequence[bpy.types.Object],
+    source_surface: Surface,
+    target_surface: Surface,
+    quality: Quality,
+    confidence: Floats,
+) -> None:
     pieces = figure.parts(source_surface)
     prints = [str(part.surface.fingerprint) for part in pieces]
     mates = uuid.uuid4().hex if len(targets) > 1 else ""

@@ -1,7 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A Geometry Nodes group that moves a target's vertices to their places on the source."""
 
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any, TypeGuard
+
 import bpy
+
+from .typed import EnumItem
 
 GROUP = MODIFIER = "Spectral Match Morph"
 # Inputs of the group, made in this order, by their identifiers, which stay when somebody renames them.
@@ -17,13 +24,13 @@ FITTED, ALONG = "match_in_place", "match_wipe"
 WIPE_EDGE = 0.05
 
 
-def modifier_of(obj):
+def modifier_of(obj: bpy.types.Object) -> bpy.types.Modifier | None:
     """The morph modifier of an object, or None."""
     found = obj.modifiers.get(MODIFIER)
     return found if found is not None and found.type == "NODES" else None
 
 
-def is_whole(modifier):
+def is_whole(modifier: bpy.types.Modifier | None) -> TypeGuard[bpy.types.Modifier]:
     """Whether this is a morph modifier whose group still has its inputs."""
     if modifier is None or modifier.node_group is None:
         return False
@@ -33,7 +40,7 @@ def is_whole(modifier):
     return {FACTOR, SOURCE, IN_PLACE, WIPE} <= inputs
 
 
-def place_of(modifier, identifier):
+def place_of(modifier: bpy.types.Modifier, identifier: str) -> tuple[Any, str]:
     """Owner and property path of a group input's value, as a panel takes them."""
     # From Blender 5.2 on inputs are properties of their own; before, they are custom properties.
     if hasattr(modifier, "properties"):
@@ -41,12 +48,12 @@ def place_of(modifier, identifier):
     return modifier, f'["{identifier}"]'
 
 
-def value(modifier, identifier):
+def value(modifier: bpy.types.Modifier, identifier: str) -> Any:
     owner, path = place_of(modifier, identifier)
     return owner.path_resolve(path)
 
 
-def set_value(modifier, identifier, new):
+def set_value(modifier: bpy.types.Modifier, identifier: str, new: Any) -> None:
     owner, path = place_of(modifier, identifier)
     if owner == modifier:
         modifier[path[2:-2]] = new
@@ -55,12 +62,12 @@ def set_value(modifier, identifier, new):
     modifier.id_data.update_tag()
 
 
-def factor_of(obj):
+def factor_of(obj: bpy.types.Object) -> float:
     modifier = modifier_of(obj)
     return value(modifier, FACTOR) if is_whole(modifier) else 0.0
 
 
-def add(target):
+def add(target: bpy.types.Object) -> None:
     """Give a target the modifier; `laid_over.write` gives it the attributes."""
     modifier = target.modifiers.new(MODIFIER, "NODES")
     modifier.node_group = bpy.data.node_groups.get(GROUP)
@@ -70,7 +77,7 @@ def add(target):
     set_value(modifier, FACTOR, AT_FIRST)
 
 
-def remove(target):
+def remove(target: bpy.types.Object) -> None:
     modifier = modifier_of(target)
     if modifier is None:
         return
@@ -83,14 +90,15 @@ def remove(target):
         bpy.data.node_groups.remove(group)
 
 
-def make_group():
+def make_group() -> bpy.types.NodeTree:
     """Position = mix(position, there, factor).
 
     `there` is `match_position` seen from the target's own space, or, In Place and in a Wipe, `FITTED`. In a
     Wipe the factor of a vertex is how far the edge, which runs from one end of the body to the other, is past
     it. Vertices without a match, as of a mesh joined to the target later, stay.
     """
-    group = bpy.data.node_groups.new(GROUP, "GeometryNodeTree")
+    kind: EnumItem = "GeometryNodeTree"
+    group = bpy.data.node_groups.new(GROUP, kind)
     group.is_modifier = True
     group.description = "Moves vertices to their places on the source of the match"
     inputs = {}
@@ -111,19 +119,19 @@ def make_group():
 
     nodes, links = group.nodes, group.links
 
-    def node(kind, place, **settings):
+    def node(kind: str, place: tuple[float, float], **settings: Any) -> bpy.types.Node:
         made = nodes.new(kind)
         made.location = place
         for name, value in settings.items():
             setattr(made, name, value)
         return made
 
-    def named(name, data_type, place):
+    def named(name: str, data_type: str, place: tuple[float, float]) -> bpy.types.Node:
         made = node("GeometryNodeInputNamedAttribute", place, data_type=data_type)
         made.inputs["Name"].default_value = name
         return made
 
-    def enabled(sockets, kind):
+    def enabled(sockets: Iterable[bpy.types.NodeSocket], kind: str) -> list[bpy.types.NodeSocket]:
         return [socket for socket in sockets if socket.enabled and socket.type == kind]
 
     incoming = node("NodeGroupInput", (-900, 0))

@@ -4,7 +4,11 @@
 Everything follows the objects as shown, posed or morphed, and is drawn only with the viewport's overlays.
 """
 
+from __future__ import annotations
+
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import blf
 import bpy
@@ -17,6 +21,7 @@ from mathutils import Vector
 
 from . import completion, landmarks, mesh_read, pair, palette, stored_match
 from .mesh_write import read_attribute, read_places
+from .typed import Floats, Integers, Landmark
 
 LINES = 80
 # Each mesh of a character has at least so many of them.
@@ -40,7 +45,7 @@ class Point:
     vertex: int
 
     @property
-    def object(self):
+    def object(self) -> bpy.types.Object | None:
         return mesh_read.find_object(bpy.data.objects, self.object_uid)
 
 
@@ -54,7 +59,7 @@ class Picking:
 
 picking: Picking | None = None
 # The point under the pointer and its partner, while `follow_pointer` is on; or (None, None).
-partners: tuple | None = None
+partners: tuple[Point | None, Point | None] | None = None
 
 
 @dataclass(frozen=True)
@@ -64,13 +69,13 @@ class _Samples:
     `mirroring` (n, 4, 4) takes an image to the half that a Mirror modifier of its piece shows.
     """
 
-    fingerprints: tuple
-    vertices: list
-    pieces: np.ndarray
-    corners: np.ndarray
-    weights: np.ndarray
-    mirroring: np.ndarray
-    colours: np.ndarray
+    fingerprints: tuple[Any, ...]
+    vertices: list[int]
+    pieces: Integers
+    corners: Integers
+    weights: Floats
+    mirroring: Floats
+    colours: Floats
 
 
 _samples: dict[int, _Samples] = {}
@@ -78,11 +83,11 @@ _lines_handle = None
 _marks_handle = None
 
 
-def lines_shown():
+def lines_shown() -> bool:
     return _lines_handle is not None
 
 
-def show_lines(shown):
+def show_lines(shown: bool) -> None:
     global _lines_handle
     if shown and _lines_handle is None:
         _lines_handle = bpy.types.SpaceView3D.draw_handler_add(_draw_lines, (), "WINDOW", "POST_VIEW")
@@ -92,7 +97,7 @@ def show_lines(shown):
         _samples.clear()
 
 
-def spread(points, many):
+def spread(points: Floats, many: int) -> Integers:
     """Indices of up to `many` points, each the farthest from those before it."""
     distance = np.full(len(points), np.inf)
     chosen = [0]
@@ -102,7 +107,7 @@ def spread(points, many):
     return np.array(chosen)
 
 
-def _samples_of(sources, target, many=LINES):
+def _samples_of(sources: Sequence[bpy.types.Object], target: bpy.types.Object, many: int = LINES) -> _Samples:
     """What to draw for this target; sampled anew when a mesh or the match changed."""
     prints = tuple(stored_match.current_fingerprint(obj.data) for obj in (*sources, target))
     known = _samples.get(target.data.session_uid)
@@ -139,7 +144,7 @@ def _samples_of(sources, target, many=LINES):
     return made
 
 
-def _mirroring(sources, piece, image):
+def _mirroring(sources: Sequence[bpy.types.Object], piece: Integers, image: Integers) -> Floats:
     """What takes each image to the half that shows it, in the space of its piece: (n, 4, 4)."""
     made = np.empty((len(image), 4, 4))
     for number in np.unique(piece).tolist():
@@ -148,13 +153,13 @@ def _mirroring(sources, piece, image):
     return made
 
 
-def shown_mesh(obj, depsgraph):
+def shown_mesh(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph) -> bpy.types.Mesh:
     """The mesh as the viewport shows it where that has the same vertices, else as modelled."""
     shown = obj.evaluated_get(depsgraph).data
     return shown if len(shown.vertices) == len(obj.data.vertices) else obj.data
 
 
-def world_points(obj, depsgraph, vertices):
+def world_points(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, vertices: Sequence[int]) -> Floats:
     """Where vertices of an object are in the scene, (n, 3)."""
     mesh = shown_mesh(obj, depsgraph)
     local = np.array([mesh.vertices[vertex].co for vertex in vertices]).reshape(-1, 3)
@@ -162,11 +167,11 @@ def world_points(obj, depsgraph, vertices):
     return local @ placed[:3, :3].T + placed[:3, 3]
 
 
-def _overlays_shown(context):
+def _overlays_shown(context: bpy.types.Context) -> bool:
     return context.space_data is not None and context.space_data.overlay.show_overlays
 
 
-def _draw_lines():
+def _draw_lines() -> None:
     context = bpy.context
     if not _overlays_shown(context):
         return
@@ -206,7 +211,7 @@ def _draw_lines():
     gpu.state.blend_set("NONE")
 
 
-def _polyline(shader_name, kind, points, width, colour):
+def _polyline(shader_name: str, kind: str, points: Floats, width: float, colour: Any) -> None:
     shader = gpu.shader.from_builtin(shader_name)
     each = shader_name.endswith("SMOOTH_COLOR")
     content = {"pos": points, "color": colour.astype(np.float32)} if each else {"pos": points}
@@ -219,7 +224,7 @@ def _polyline(shader_name, kind, points, width, colour):
     batch.draw(shader)
 
 
-def _draw_marks():
+def _draw_marks() -> None:
     context = bpy.context
     settings = context.scene.spectral_match
     if not _overlays_shown(context) or not (settings.landmarks or picking or partners):
@@ -244,7 +249,9 @@ def _draw_marks():
     gpu.state.blend_set("NONE")
 
 
-def _on_screen(context, depsgraph, obj, vertex):
+def _on_screen(
+    context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, obj: bpy.types.Object, vertex: int
+) -> tuple[Vector | None, bool]:
     """Pixel of a vertex in this region or None, and whether its surface looks towards the viewer."""
     place = Vector(world_points(obj, depsgraph, [vertex])[0])
     view = context.region_data
@@ -255,7 +262,14 @@ def _on_screen(context, depsgraph, obj, vertex):
     return pixel, normal.dot(towards) > 0.0
 
 
-def _draw_mark(context, depsgraph, obj, vertex, landmark, chosen):
+def _draw_mark(
+    context: bpy.types.Context,
+    depsgraph: bpy.types.Depsgraph,
+    obj: bpy.types.Object,
+    vertex: int,
+    landmark: Landmark,
+    chosen: bool,
+) -> None:
     pixel, facing = _on_screen(context, depsgraph, obj, vertex)
     if pixel is None:
         return
@@ -278,10 +292,11 @@ def _draw_mark(context, depsgraph, obj, vertex, landmark, chosen):
         blf.draw(0, landmark.name)
 
 
-def _draw_picked(context, depsgraph, point):
-    if point.vertex >= len(point.object.data.vertices):
+def _draw_picked(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, point: Point) -> None:
+    obj = point.object
+    if obj is None or point.vertex >= len(obj.data.vertices):
         return
-    pixel, _ = _on_screen(context, depsgraph, point.object, point.vertex)
+    pixel, _ = _on_screen(context, depsgraph, obj, point.vertex)
     if pixel is None:
         return
     scale = context.preferences.system.ui_scale
@@ -291,22 +306,22 @@ def _draw_picked(context, depsgraph, point):
     _ring(pixel, 1.5 * scale, 3.0, (*colour, 1.0))
 
 
-def _ring(centre, radius, width, colour):
+def _ring(centre: Vector, radius: float, width: float, colour: tuple[float, ...]) -> None:
     _polyline("POLYLINE_UNIFORM_COLOR", "LINE_STRIP", _flat(CIRCLE * radius + centre), width, colour)
 
 
-def _fan(outline):
+def _fan(outline: Floats) -> Floats:
     """Triangles from an outline's first point."""
     flat = _flat(outline)
     return np.stack([np.broadcast_to(flat[0], flat[1:-1].shape), flat[1:-1], flat[2:]], axis=1).reshape(-1, 3)
 
 
-def _flat(points):
+def _flat(points: Floats) -> Floats:
     return np.column_stack([points, np.zeros(len(points))]).astype(np.float32)
 
 
 @persistent
-def _forget_file(_path, _unused=None):
+def _forget_file(_path: object, _unused: object = None) -> None:
     global picking, partners
     picking = partners = None
     show_lines(False)
@@ -315,14 +330,14 @@ def _forget_file(_path, _unused=None):
 HANDLERS = (("load_pre", _forget_file),)
 
 
-def register():
+def register() -> None:
     global _marks_handle
     # In background there is nothing to draw on.
     if not bpy.app.background:
         _marks_handle = bpy.types.SpaceView3D.draw_handler_add(_draw_marks, (), "WINDOW", "POST_PIXEL")
 
 
-def unregister():
+def unregister() -> None:
     global _marks_handle, picking, partners
     picking = partners = None
     show_lines(False)

@@ -1,19 +1,24 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Who is the source and who are the targets: the selection, or the two characters pinned in the panel."""
 
+from __future__ import annotations
+
 import time
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import bpy
 from bpy.app.handlers import persistent
 
 from . import character, job
 from .character import Character, is_there
+from .typed import Settings
 
 HOLDERS = ("MESH", "ARMATURE", "EMPTY")
 # How long `shown` keeps what it found; handlers forget it earlier.
 KEPT_SECONDS = 0.25
-_kept: list = []
+_kept: list[Any] = []
 
 
 @dataclass(frozen=True)
@@ -21,19 +26,19 @@ class Pair:
     """`source` and `targets` are characters; in `missing` is what to do when they are not complete."""
 
     source: Character | None
-    targets: list = field(default_factory=list)
+    targets: Sequence[Character] = field(default_factory=list)
     missing: str = ""
 
     @property
-    def source_pieces(self):
+    def source_pieces(self) -> tuple[bpy.types.Object, ...]:
         return () if self.source is None else self.source.pieces
 
     @property
-    def target_pieces(self):
+    def target_pieces(self) -> list[bpy.types.Object]:
         return [piece for target in self.targets for piece in target.pieces]
 
 
-def resolve(context):
+def resolve(context: bpy.types.Context) -> Pair:
     """The characters that the next match is about."""
     settings = context.scene.spectral_match
     if settings.pinned:
@@ -62,7 +67,7 @@ def resolve(context):
     return _of(source, targets)
 
 
-def shown(context):
+def shown(context: bpy.types.Context) -> Pair:
     """What `resolve` finds, for panels and polls, of which every redraw asks many times: kept for a moment.
 
     Without a window it is found anew each time. While a job blocks the window, all stays what it was before,
@@ -77,13 +82,13 @@ def shown(context):
 
 
 @persistent
-def _forget(_scene=None, _unused=None):
+def _forget(_scene: object = None, _unused: object = None) -> None:
     if job.current is None or not job.current.blocks:
         _kept.clear()
 
 
 @persistent
-def _forget_file(_path, _unused=None):
+def _forget_file(_path: object, _unused: object = None) -> None:
     _kept.clear()
 
 
@@ -93,7 +98,7 @@ HANDLERS = (
 )
 
 
-def matched(context):
+def matched(context: bpy.types.Context) -> list[Character]:
     """The targets that have a match, however old, with the pieces that have one."""
     return [
         replace(target, pieces=pieces, left_out=tuple(each for each in target.whole if each not in pieces))
@@ -102,21 +107,21 @@ def matched(context):
     ]
 
 
-def matched_of(target):
+def matched_of(target: Character) -> tuple[bpy.types.Object, ...]:
     """The meshes of a character that have a match."""
     return tuple(filter(has_match, target.whole))
 
 
-def matched_pieces(context):
+def matched_pieces(context: bpy.types.Context) -> list[bpy.types.Object]:
     """The matched meshes of all targets."""
     return [piece for target in matched(context) for piece in target.pieces]
 
 
-def has_match(obj):
+def has_match(obj: bpy.types.Object) -> bool:
     return bool(obj.data.spectral_match.target_fingerprint)
 
 
-def _pinned(settings):
+def _pinned(settings: Settings) -> Pair:
     objects = [settings.source, settings.target]
     if all(map(is_there, objects)):
         source, *targets = _characters(settings, objects)
@@ -126,21 +131,21 @@ def _pinned(settings):
     return _of(source, [target] if target is not None else [])
 
 
-def _chosen(obj, collection):
+def _chosen(obj: bpy.types.Object | None, collection: bpy.types.Collection | None) -> Character | None:
     """The character of a chosen object or, where there is none, of a collection."""
     if obj is None:
         return None if collection is None else character.of_owner(collection)
     return character.of(obj) if is_there(obj) else character.alone(obj)
 
 
-def _characters(settings, objects):
+def _characters(settings: Settings, objects: Sequence[bpy.types.Object]) -> Sequence[Character | None]:
     """The characters that objects belong to, or meshes by themselves where that is wished."""
     if settings.whole_characters:
         return character.groups(objects)
     return [character.alone(obj) if obj.type == "MESH" else character.of(obj) for obj in objects]
 
 
-def _as_matched(settings, target):
+def _as_matched(settings: Settings, target: bpy.types.Object) -> Pair:
     """The pair in which a target was matched."""
     source = target.spectral_match_source
     if not is_there(source):
@@ -149,9 +154,13 @@ def _as_matched(settings, target):
     return _of(source, targets)
 
 
-def _of(source, targets):
+def _of(source: Character | None, targets: Sequence[Character | None]) -> Pair:
     if source is None or not is_there(source.lead):
-        return Pair(None, targets, _absent([source]) + "Choose a source: the character that has the data")
+        return Pair(
+            None,
+            [each for each in targets if each],
+            _absent([source]) + "Choose a source: the character that has the data",
+        )
     there = [each for each in targets if each and is_there(each.lead) and each.owner != source.owner]
     if not there:
         return Pair(
@@ -163,7 +172,7 @@ def _of(source, targets):
     return Pair(source, there)
 
 
-def _absent(characters):
+def _absent(characters: Iterable[Character | None]) -> str:
     """Words about a chosen object that no scene has."""
     for each in characters:
         if each is not None and not is_there(each.lead):

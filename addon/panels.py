@@ -1,6 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The sidebar tab Match: the workflow from top to bottom. Panels only draw."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
 import bpy
 from bl_ui.utils import PresetPanel
 from bpy.types import Panel, UIList
@@ -25,8 +30,12 @@ from .operators.outfit import wearer_of
 from .operators.settings import PRESETS, SPECTRAL_MATCH_MT_presets, path_menu, shown_name
 from .outfit import live, wardrobe
 from .translation import OWN_CONTEXT, said
+from .typed import EnumItem, Settings, StoredMatch
 
-GRADE_ICONS = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
+if TYPE_CHECKING:
+    from .character import Character
+
+GRADE_ICONS: dict[str, EnumItem] = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
 SWAPPED = "Left and right are swapped, as you asked"
 # What to do about it, by grade.
 ADVICE = {
@@ -43,13 +52,13 @@ MOST_BOXES = 3
 MOST_ROWS = 8
 
 
-def state_of(target, source):
+def state_of(target: Character, source: Character | None) -> stored_match.State:
     """The state of a character's match, or of the worst one where its meshes were matched in several."""
     states = [stored_match.state_of(each, source) for each in stored_match.matched_together(target.pieces)]
     return min(states, key=lambda each: (each.usable, not each.words))
 
 
-def _leaves_white(found):
+def _leaves_white(found: pair.Pair) -> bool:
     """Whether pieces of the pair are to be seen that are left out, and so have no colors of the match."""
     bodies = [found.source, *found.targets] if found.source is not None else found.targets
     return any(
@@ -57,7 +66,7 @@ def _leaves_white(found):
     )
 
 
-def icon_of(body):
+def icon_of(body: Character) -> EnumItem:
     """What the outliner shows before that which holds a character together."""
     if isinstance(body.owner, bpy.types.Collection):
         return "OUTLINER_COLLECTION"
@@ -74,7 +83,7 @@ class VIEW3D_PT_spectral_match_presets(PresetPanel, Panel):
     preset_add_operator = "spectral_match.add_preset"
     path_menu = path_menu
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         super().draw(context)
         self.layout.separator()
         self.layout.operator("spectral_match.reset", icon="LOOP_BACK")
@@ -84,10 +93,10 @@ class VIEW3D_PT_spectral_match_presets(PresetPanel, Panel):
 class VIEW3D_PT_spectral_match(MatchTab, Panel):
     bl_label = "Spectral Match"
 
-    def draw_header_preset(self, _context):
+    def draw_header_preset(self, _context: bpy.types.Context) -> None:
         VIEW3D_PT_spectral_match_presets.draw_panel_header(self.layout)
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         settings = context.scene.spectral_match
         found = pair.shown(context)
@@ -114,7 +123,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             remedy.draw(box, found.missing)
 
     @staticmethod
-    def _draw_pair(layout, settings, found):
+    def _draw_pair(layout: bpy.types.UILayout, settings: Settings, found: pair.Pair) -> None:
         row = layout.row(align=False)
         column = row.column(align=True)
         for label, end, bodies in (
@@ -132,7 +141,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         buttons.operator("spectral_match.swap_roles", text="", icon="UV_SYNC_SELECT")
 
     @staticmethod
-    def _draw_fields(column, settings, end):
+    def _draw_fields(column: bpy.types.UILayout, settings: Settings, end: str) -> None:
         """A field for an object and, while that is empty, one for a collection."""
         collection = f"{end}_collection"
         if getattr(settings, end) is not None or getattr(settings, collection) is None:
@@ -141,7 +150,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             column.prop(settings, collection, text="")
 
     @staticmethod
-    def _draw_chosen(column, label, bodies):
+    def _draw_chosen(column: bpy.types.UILayout, label: str, bodies: Sequence[Character]) -> None:
         split = column.box().row().split(factor=0.2)
         caption = split.row()
         caption.active = False
@@ -158,13 +167,13 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
                 count = row.row()
                 count.alignment = "RIGHT"
                 count.active = False
-                taken, many = len(body.pieces), len(body.whole)
-                count.label(text=f"({many})" if taken == many else f"({taken}/{many})")
+                taken, of_all = len(body.pieces), len(body.whole)
+                count.label(text=f"({of_all})" if taken == of_all else f"({taken}/{of_all})")
         else:
             split.label(text="Nothing chosen")
 
     @staticmethod
-    def _draw_landmarks(layout, settings, found):
+    def _draw_landmarks(layout: bpy.types.UILayout, settings: Settings, found: pair.Pair) -> None:
         if found.missing:
             return
         count = sum(len(landmarks.of_pair(settings, found.source, target)) for target in found.targets)
@@ -175,7 +184,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             hint.label(text=words, icon="EMPTY_AXIS")
 
     @staticmethod
-    def _draw_progress(layout, job):
+    def _draw_progress(layout: bpy.types.UILayout, job: job_module.Job) -> None:
         # As high as the button that it stands for, so that what is below stays where it is.
         row = layout.row(align=True)
         row.scale_y = BIG
@@ -187,14 +196,25 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
 class PiecesList(UIList):
     """All objects of the file, of which only the meshes of one character are listed."""
 
-    bl_options = set()
+    bl_options: set[Any] = set()
     use_filter_show = False
 
     @staticmethod
-    def bodies(context):
+    def bodies(context: bpy.types.Context) -> Sequence[Character]:
         raise NotImplementedError
 
-    def draw_item(self, context, layout, _data, obj, _icon, _active_data, _active_name, index=0, _flag=0):
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        _data: Any,
+        obj: Any,
+        _icon: int | None,
+        _active_data: Any,
+        _active_name: str | None,
+        index: int | None = 0,
+        _flag: int | None = 0,
+    ) -> None:
         taken = any(obj in body.pieces for body in self.bodies(context))
         row = layout.row(align=True)
         button = row.operator(
@@ -208,7 +228,7 @@ class PiecesList(UIList):
         name.active = taken
         name.label(text=obj.name, translate=False)
 
-    def filter_items(self, context, data, name):
+    def filter_items(self, context: bpy.types.Context, data: Any, name: str) -> Any:
         listed = {obj for body in self.bodies(context) for obj in body.whole}
         wanted = self.filter_name.lower()
         shown = [
@@ -220,14 +240,14 @@ class PiecesList(UIList):
 
 class VIEW3D_UL_spectral_match_source_pieces(PiecesList):
     @staticmethod
-    def bodies(context):
+    def bodies(context: bpy.types.Context) -> Sequence[Character]:
         source = pair.shown(context).source
         return [] if source is None else [source]
 
 
 class VIEW3D_UL_spectral_match_target_pieces(PiecesList):
     @staticmethod
-    def bodies(context):
+    def bodies(context: bpy.types.Context) -> Sequence[Character]:
         return pair.shown(context).targets
 
 
@@ -237,11 +257,11 @@ class VIEW3D_PT_spectral_match_pieces(SubPanel, Panel):
     bl_order = 0
 
     @classmethod
-    def poll(cls, context):
+    def poll(cls, context: bpy.types.Context) -> bool:
         found = pair.shown(context)
         return any(len(body.whole) > 1 for body in (found.source, *found.targets) if body is not None)
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.spectral_match
         for end, of_end in (
             ("source", VIEW3D_UL_spectral_match_source_pieces),
@@ -277,7 +297,7 @@ class VIEW3D_PT_spectral_match_options(SubPanel, Panel):
     bl_options = {"DEFAULT_CLOSED"}
     bl_order = 0
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
@@ -290,7 +310,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
     bl_label = "Result"
     bl_order = 1
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         matched = pair.matched(context)
         # Above all whose height depends on the map, so that the arrows stay under the pointer.
@@ -307,7 +327,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         self._draw_show(context, layout, [piece for target in matched for piece in target.pieces])
 
     @staticmethod
-    def _draw_maps(layout, stored):
+    def _draw_maps(layout: bpy.types.UILayout, stored: StoredMatch) -> None:
         if stored.alternatives < 2:
             return
         row = layout.row(align=True)
@@ -317,7 +337,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         row.operator("spectral_match.alternative", text="", icon="TRIA_RIGHT").step = 1
 
     @staticmethod
-    def _draw_line(column, target, now):
+    def _draw_line(column: bpy.types.UILayout, target: Character, now: stored_match.State) -> None:
         stored = target.lead.data.spectral_match
         row = column.row()
         row.alert = not now.usable or stored.grade == "red"
@@ -333,7 +353,14 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         share.label(text=f"{stored.mean_confidence:.0%}" if now.usable else said("match again"))
 
     @staticmethod
-    def _draw_box(context, layout, target, now, *, named):
+    def _draw_box(
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        target: Character,
+        now: stored_match.State,
+        *,
+        named: bool,
+    ) -> None:
         stored = target.lead.data.spectral_match
         box = layout.box().column()
         if named:
@@ -366,7 +393,9 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
                 draw_words(context, box, words[:1].upper() + words[1:], boxed=True, dim=True)
 
     @staticmethod
-    def _draw_show(context, layout, matched):
+    def _draw_show(
+        context: bpy.types.Context, layout: bpy.types.UILayout, matched: Sequence[bpy.types.Object]
+    ) -> None:
         column = layout.column(align=True)
         row = column.row(align=True)
         now = show.shown(context, matched[0])
@@ -399,7 +428,18 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
 class VIEW3D_UL_spectral_match_landmarks(UIList):
     """The landmarks of the chosen pair."""
 
-    def draw_item(self, context, layout, data, item, _icon, _active_data, _active_name, index=0, _flag=0):
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: Any,
+        item: Any,
+        _icon: int | None,
+        _active_data: Any,
+        _active_name: str | None,
+        index: int | None = 0,
+        _flag: int | None = 0,
+    ) -> None:
         found = pair.shown(context)
         row = layout.row(align=True)
         row.label(text="", icon=palette.LANDMARK_ICONS[item.colour])
@@ -412,7 +452,7 @@ class VIEW3D_UL_spectral_match_landmarks(UIList):
                 row.label(text="outdated", icon="ERROR")
                 return
 
-    def filter_items(self, context, data, name):
+    def filter_items(self, context: bpy.types.Context, data: Any, name: str) -> Any:
         listed = set(landmarks.listed(context))
         many = len(getattr(data, name))
         return [self.bitflag_filter_item if place in listed else 0 for place in range(many)], []
@@ -424,7 +464,7 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
     bl_order = 2
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         settings = context.scene.spectral_match
         stored = pair.matched(context)[0].lead.data.spectral_match
@@ -443,7 +483,7 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         again.swap_sides = stored.swapped_sides
 
     @staticmethod
-    def _draw_landmarks(context, layout, settings):
+    def _draw_landmarks(context: bpy.types.Context, layout: bpy.types.UILayout, settings: Settings) -> None:
         column = layout.column(align=True)
         if overlay.picking is not None:
             draw_words(context, column.box(), pick.hint(context), "RESTRICT_SELECT_OFF", boxed=True)
@@ -475,7 +515,7 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
     bl_order = 4
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.spectral_match
         found = pair.shown(context)
         if found.source is None:
@@ -502,11 +542,11 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
             draw_words(context, layout, words[:1].upper() + words[1:], dim=True)
 
     @staticmethod
-    def _draw_worn(layout, settings, wearer):
+    def _draw_worn(layout: bpy.types.UILayout, settings: Settings, wearer: Character) -> None:
         worn, others = wardrobe.worn(wearer), wardrobe.others(wearer)
         box = layout.box().column(align=True)
         row = box.row()
-        icon = "DOWNARROW_HLT" if settings.open_outfit else "RIGHTARROW"
+        icon: EnumItem = "DOWNARROW_HLT" if settings.open_outfit else "RIGHTARROW"
         row.prop(settings, "open_outfit", text="", icon=icon, emboss=False)
         row.label(text=wearer.name, icon=icon_of(wearer), translate=False)
         count = row.row()
@@ -535,7 +575,7 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
     bl_order = 5
     bl_options = {"DEFAULT_CLOSED"}
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout = self.layout
         count = len(pair.shown(context).targets)
         if count > 1:

@@ -65,7 +65,7 @@ class SPECTRAL_MATCH_preferences(AddonPreferences):
         "20,000 vertices takes 0.013",
     )
 
-    def draw(self, _context):
+    def draw(self, _context: bpy.types.Context) -> None:
         layout = self.layout
         layout.use_property_split = True
         layout.use_property_decorate = False
@@ -93,16 +93,16 @@ class _Defaults:
     keep_shapes = False
 
 
-def of(context):
+def of(context: bpy.types.Context) -> SPECTRAL_MATCH_preferences | type[_Defaults]:
     addon = context.preferences.addons.get(__package__)
     return addon.preferences if addon is not None and addon.preferences is not None else _Defaults
 
 
-def own_cache_folder():
+def own_cache_folder() -> str:
     return bpy.utils.extension_path_user(__package__, path="prepared_meshes")
 
 
-def storage(context):
+def storage(context: bpy.types.Context) -> Storage | None:
     """Where the user wants prepared shapes kept, or None."""
     wish = of(context)
     if not wish.keep_shapes:
@@ -111,9 +111,9 @@ def storage(context):
     return Storage(folder, int(wish.cache_gigabytes * 2**30))
 
 
-def register():
+def register() -> None:
     bpy.utils.register_class(SPECTRAL_MATCH_preferences)
 
 
-def unregister():
+def unregister() -> None:
     bpy.utils.unregister_class(SPECTRAL_MATCH_preferences)

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the add-on remembers: settings of the scene, and on each matched mesh what its match was."""
 
+from collections.abc import Iterable
+
 import bpy
 from bpy.props import (
     BoolProperty,
@@ -19,7 +21,7 @@ from .outfit import live, wardrobe
 from .transfer import TransferChoice, TransferOptions
 
 
-def _holds_meshes(_settings, obj):
+def _holds_meshes(_settings: bpy.types.PropertyGroup, obj: bpy.types.Object) -> bool:
     return obj.type in {"MESH", "ARMATURE"} or (obj.type == "EMPTY" and bool(obj.children))
 
 
@@ -230,15 +232,15 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
     landmarks: CollectionProperty(type=SPECTRAL_MATCH_PG_landmark)
     landmark_index: IntProperty(name="Landmark", description="Chosen pair of landmarks")
 
-    def found(self, names):
+    def found(self, names: Iterable[str]) -> list[str]:
         """Those of these names in which the letters searched for are."""
         letters = self.item_search.lower()
         return [name for name in names if letters in name.lower()]
 
-    def skips(self, kind, name):
+    def skips(self, kind: str, name: str) -> bool:
         return self.skipped.find(f"{kind}/{name}") >= 0
 
-    def skip(self, kind, name, skipped):
+    def skip(self, kind: str, name: str, skipped: bool) -> None:
         """Leave an item of the source behind, or carry it over."""
         place = self.skipped.find(f"{kind}/{name}")
         if skipped and place < 0:
@@ -256,7 +258,7 @@ CLASSES = (
 )
 
 
-def register():
+def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.Scene.spectral_match = PointerProperty(type=SPECTRAL_MATCH_PG_settings)
@@ -290,7 +292,7 @@ def register():
     )
 
 
-def unregister():
+def unregister() -> None:
     del bpy.types.Object.spectral_match_worn
     del bpy.types.Object.spectral_match_part
     del bpy.types.Object.spectral_match_pieces

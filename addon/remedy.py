@@ -10,6 +10,8 @@ from typing import Any
 
 import bpy
 
+from .typed import EnumItem
+
 # After a name: of how many meshes more the same is said.
 MORE = r"(?: and \d+ more mesh(?:es)?)?"
 
@@ -23,8 +25,7 @@ class Remedy:
 
     label: str
     operator: str
-    # One of Blender's names of icons.
-    icon: Any
+    icon: EnumItem
     properties: tuple[tuple[str, Any], ...] = ()
     named: str = ""
 

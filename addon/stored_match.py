@@ -1,17 +1,27 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The match that a target mesh carries: is it still true, and which other maps were found in this session."""
 
+from __future__ import annotations
+
 import uuid
 from collections import OrderedDict
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import bpy
 from bpy.app.handlers import persistent
 
 from . import figure, mesh_read
 from .character import holds, is_there, pieces_of
-from .mesh_read import Fingerprint, UnusableObjectError
+from .mesh_read import Fingerprint, Surface, UnusableObjectError
 from .mesh_write import PIECE
+from .typed import Pointed, StoredMatch
+
+if TYPE_CHECKING:
+    from sgmds import Correspondence
+
+    from .character import Character
 
 MATCHED = "MATCHED"
 MOVED = "MOVED"
@@ -31,7 +41,7 @@ class State:
     words: str = ""
 
     @property
-    def usable(self):
+    def usable(self) -> bool:
         return self.code in (MATCHED, MOVED)
 
 
@@ -39,9 +49,9 @@ class State:
 class SessionMaps:
     """A match with both surfaces as they were; `best` completes the alternatives on demand."""
 
-    source: object
-    target: object
-    best: object
+    source: Surface
+    target: Surface
+    best: Correspondence
 
 
 # They hold both prepared shapes, 2 kB a vertex each, so only the newest are kept. The last one always is.
@@ -53,7 +63,7 @@ _maps: OrderedDict[str, SessionMaps] = OrderedDict()
 _fingerprints: dict[int, Fingerprint] = {}
 
 
-def keep_maps(meshes, maps):
+def keep_maps(meshes: Iterable[bpy.types.Mesh], maps: SessionMaps) -> None:
     """Remember all maps found for the target's meshes until another file is opened."""
     identifier = uuid.uuid4().hex
     for mesh in meshes:
@@ -63,7 +73,7 @@ def keep_maps(meshes, maps):
         _maps.popitem(last=False)
 
 
-def maps_of(mesh):
+def maps_of(mesh: bpy.types.Mesh) -> SessionMaps | None:
     """All maps found with the match that this target mesh has, or None. A copy of it has only the match."""
     maps = _maps.get(mesh.spectral_match.identifier)
     known = maps is not None and any(
@@ -72,33 +82,33 @@ def maps_of(mesh):
     return maps if known else None
 
 
-def forget_fingerprint(mesh):
+def forget_fingerprint(mesh: bpy.types.Mesh) -> None:
     _fingerprints.pop(mesh.session_uid, None)
 
 
-def current_fingerprint(mesh):
+def current_fingerprint(mesh: bpy.types.Mesh) -> Fingerprint:
     known = _fingerprints.get(mesh.session_uid)
     if known is None:
         known = _fingerprints[mesh.session_uid] = mesh_read.fingerprint(mesh)
     return known
 
 
-def matched_together(targets):
+def matched_together(targets: Sequence[bpy.types.Object]) -> list[list[bpy.types.Object]]:
     """These meshes by the characters in which they were matched."""
-    found = {}
+    found: dict[str | bpy.types.Object, list[bpy.types.Object]] = {}
     for target in targets:
         found.setdefault(target.data.spectral_match.figure or target, []).append(target)
     return list(found.values())
 
 
-def sources_of(target):
+def sources_of(target: bpy.types.Object) -> list[tuple[Pointed, str, str]]:
     """The meshes that a target was matched with, the lead first: object or None, its name and fingerprint."""
     pieces = [(piece.object, piece.name, piece.fingerprint) for piece in target.spectral_match_pieces]
     stored = target.data.spectral_match
     return pieces or [(target.spectral_match_source, stored.source_name, stored.source_fingerprint)]
 
 
-def matched_elsewhere(target, source):
+def matched_elsewhere(target: bpy.types.Object, source: Character | bpy.types.Object | None) -> str:
     """What to do where `target` was matched with another source than the one chosen, else "".
 
     The source is a character, or an object by itself.
@@ -109,7 +119,7 @@ def matched_elsewhere(target, source):
     return f"'{target.name}' was matched with '{own.name}': match again or choose that one as source"
 
 
-def state(target, source=None):
+def state(target: bpy.types.Object, source: Character | bpy.types.Object | None = None) -> State:
     """Whether the match stored on `target` still belongs to the two meshes as they are.
 
     Where a source was chosen, it has to be the one that the target was matched with.
@@ -117,7 +127,9 @@ def state(target, source=None):
     return state_of([target], source)
 
 
-def state_of(targets, source=None):
+def state_of(
+    targets: Sequence[bpy.types.Object], source: Character | bpy.types.Object | None = None
+) -> State:
     """The `state` of meshes that were matched together, which is that of the one worst off."""
     target = targets[0]
     if not all(each.data.spectral_match.target_fingerprint for each in targets):
@@ -148,7 +160,7 @@ def state_of(targets, source=None):
     return State(MATCHED)
 
 
-def require(target, source=None):
+def require(target: bpy.types.Object, source: Character | bpy.types.Object | None = None) -> StoredMatch:
     """The stored match of `target`; raises `UnusableObjectError` when there is none that can be used."""
     now = state(target, source)
     shared = [piece for piece in pieces_of(source) if piece.data == target.data]
@@ -164,7 +176,7 @@ def require(target, source=None):
 
 
 @persistent
-def _forget_changed(_scene, depsgraph):
+def _forget_changed(_scene: object, depsgraph: bpy.types.Depsgraph) -> None:
     for update in depsgraph.updates:
         if update.is_updated_geometry and isinstance(update.id, bpy.types.Mesh):
             _fingerprints.pop(update.id.original.session_uid, None)
@@ -177,17 +189,17 @@ def _forget_changed(_scene, depsgraph):
 
 
 @persistent
-def _forget_undone(_scene, _unused=None):
+def _forget_undone(_scene: object, _unused: object = None) -> None:
     _fingerprints.clear()
 
 
-def forget():
+def forget() -> None:
     _maps.clear()
     _fingerprints.clear()
 
 
 @persistent
-def _forget_file(_path, _unused=None):
+def _forget_file(_path: object, _unused: object = None) -> None:
     forget()
 
 

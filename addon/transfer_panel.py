@@ -1,6 +1,12 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The panel Transfer: the button, what it brought, and what goes."""
 
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import bpy
 from bpy.types import Panel
 
 from . import notice, pair, remedy, stored_match, wording
@@ -9,6 +15,10 @@ from .drawing import BIG, MatchedSubPanel, draw_option, draw_words, fold
 from .operators.settings import SPECTRAL_MATCH_MT_presets, shown_name
 from .transfer import KINDS, names_of
 from .translation import OWN_CONTEXT, said
+from .typed import EnumItem, Settings
+
+if TYPE_CHECKING:
+    from .transfer.kind import Kind
 
 # Items of a kind that are listed at a time.
 MOST_ITEMS = 10
@@ -18,7 +28,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
     bl_label = "Transfer"
     bl_order = 3
 
-    def draw(self, context):
+    def draw(self, context: bpy.types.Context) -> None:
         layout, settings = self.layout, context.scene.spectral_match
         matched, chosen = pair.matched_pieces(context), pair.shown(context).source
         sources = [obj for target in matched for obj, _, _ in stored_match.sources_of(target)]
@@ -41,7 +51,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         draw_kinds(layout, settings, sources)
 
     @staticmethod
-    def _draw_done(context, box, settings):
+    def _draw_done(context: bpy.types.Context, box: bpy.types.UILayout, settings: Settings) -> None:
         draw_words(context, box, notice.done, "CHECKMARK", boxed=True)
         row = box.row(align=True)
         # What is seen is the transfer's state, or that of the step before it.
@@ -80,7 +90,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
             remedy.draw(box, note)
 
 
-def draw_kinds(layout, settings, sources):
+def draw_kinds(layout: bpy.types.UILayout, settings: Settings, sources: Sequence[bpy.types.Object]) -> None:
     """What these meshes of a source have, kind by kind, and behind one line what they lack."""
     listed = [(kind, names_of(kind, sources)) for kind in KINDS]
     column = layout.column(align=True)
@@ -96,10 +106,10 @@ def draw_kinds(layout, settings, sources):
             line.label(text=kind.label, icon=kind.icon)
 
 
-def _draw_kind(layout, settings, kind, names):
+def _draw_kind(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequence[str]) -> None:
     use, opened = f"use_{kind.identifier}", f"open_{kind.identifier}"
     row = layout.row(align=True)
-    icon = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
+    icon: EnumItem = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
     row.prop(settings, opened, text="", icon=icon, emboss=False)
     row.prop(settings, use, text=kind.label)
     chosen = sum(not settings.skips(kind.identifier, name) for name in names)
@@ -120,7 +130,7 @@ def _draw_kind(layout, settings, kind, names):
     _draw_items(box.column(align=True), settings, kind, names)
 
 
-def _draw_items(column, settings, kind, names):
+def _draw_items(column: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequence[str]) -> None:
     """The items of a kind with check boxes, a page at a time where they are many."""
     if len(names) > 1:
         tools = column.row(align=True)

@@ -3,7 +3,8 @@
 
 import re
 from collections.abc import Iterable
-from typing import Any
+
+from .typed import StoredMatch
 
 # How the core begins or ends a reason, and what the panel says of it; None is for Details alone.
 PLAIN = (
@@ -118,6 +119,6 @@ def verdict(grade: str, reasons: Iterable[str], confidence: float) -> str:
     return GRADES.get(grade, grade)
 
 
-def of(stored: Any) -> str:
+def of(stored: StoredMatch) -> str:
     """The verdict on a stored match."""
     return verdict(stored.grade, stored.reasons.splitlines(), stored.mean_confidence)
