@@ -110,7 +110,9 @@ OPTIONS = {
 }
 
 
-def read_manifest(path: Path, folder: Path | None, anywhere: bool) -> tuple[list[FileJob], dict[str, Any]]:
+def read_manifest(
+    path: str | Path, folder: str | Path | None, anywhere: bool
+) -> tuple[list[FileJob], dict[str, Any]]:
     """File jobs and options of a TOML manifest; `folder` overrides where the outputs go.
 
     Raises `WrongRequestError`.
@@ -125,14 +127,14 @@ def read_manifest(path: Path, folder: Path | None, anywhere: bool) -> tuple[list
         toml.check_options(options, OPTIONS)
         home = path.parent
         if folder:
-            folder = Path(folder).absolute()
+            output = Path(folder).absolute()
         else:
-            folder = toml.within(home, table.get("output", path.stem), anywhere)
+            output = toml.within(home, table.get("output", path.stem), anywhere)
         jobs: list[FileJob] = []
         for number, entry in enumerate(table.get("jobs", []), start=1):
             where = f"jobs, entry {number}"
             toml.check_keys(entry, JOB, where)
-            jobs += _file_jobs(toml, home, folder, anywhere, table, entry, where)
+            jobs += _file_jobs(toml, home, output, anywhere, table, entry, where)
         jobs = _with_opened_file(jobs)
     except (ValueError, OSError, WrongRequestError) as reason:
         # Errors of the core about a manifest are ValueErrors.

@@ -102,7 +102,7 @@ def _taken(owner: bpy.types.ID, name: str, kept: str, wanted: str) -> UnusableOb
 
 
 def write_attribute(
-    mesh: bpy.types.Mesh, name: str, data_type: EnumItem, domain: EnumItem, values: Values
+    mesh: bpy.types.Mesh | bpy.types.Curves, name: str, data_type: EnumItem, domain: EnumItem, values: Values
 ) -> None:
     """Create or overwrite the attribute `name`; one of its sort but another type or domain is replaced."""
     attribute = mesh.attributes.get(name)
