@@ -42,7 +42,11 @@ if TYPE_CHECKING:
 
 
 def reading(
-    context: bpy.types.Context, source: Character, targets: Sequence[Character], *, swap_sides: bool = False
+    context: bpy.types.Context,
+    source: Character | bpy.types.Object,
+    targets: Sequence[Character | bpy.types.Object],
+    *,
+    swap_sides: bool = False,
 ) -> Generator[None, None, MatchJob]:
     """Read the objects in short steps, so that the window lives on; the generator's value is the job."""
     settings = context.scene.spectral_match
@@ -57,12 +61,12 @@ def reading(
         swap_sides=swap_sides,
         storage=preferences.storage(context),
     )
-    source, *targets = (
+    giver, *takers = (
         body if isinstance(body, Character) else character.alone(body) for body in (source, *targets)
     )
-    bodies = [piece for body in (source, *targets) for piece in body.pieces]
+    bodies = [piece for body in (giver, *takers) for piece in body.pieces]
     for piece in bodies:
-        mesh_read.check_usable(piece, as_target=piece not in source.pieces)
+        mesh_read.check_usable(piece, as_target=piece not in giver.pieces)
     rigs = dict.fromkeys(filter(None, (character.held_by_bone(piece)[0] for piece in bodies)))
     mesh_read.place(
         context, [seen for obj in bodies for seen in (obj, *completion.mirror_objects(obj))] + list(rigs)
@@ -71,13 +75,13 @@ def reading(
     wanted: dict[int, figure.Reading] = {}
     pairs: dict[int, list[tuple[int, int]]] = {}
     notes = []
-    for each in targets:
-        target, words = _writable(source, each)
+    for each in takers:
+        target, words = _writable(giver, each)
         notes += words
         if target is not None:
-            pairs.setdefault(target.lead.session_uid, landmarks.vertex_pairs(settings, source, target))
+            pairs.setdefault(target.lead.session_uid, landmarks.vertex_pairs(settings, giver, target))
             wanted.setdefault(target.lead.data.session_uid, figure.Reading(target, evaluated, as_target=True))
-    source_surface = yield from figure.Reading(source, evaluated).steps(context)
+    source_surface = yield from figure.Reading(giver, evaluated).steps(context)
     surfaces = []
     for way in wanted.values():
         surfaces.append((yield from way.steps(context)))

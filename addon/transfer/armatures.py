@@ -186,7 +186,7 @@ def _finish(
         own,
         named,
         held=holding,
-        mirrors=np.prod([np.linalg.det(some.turn), *(way.determinant() for way in ways)]) < 0.0,
+        mirrors=bool(np.prod([np.linalg.det(some.turn), *(way.determinant() for way in ways)]) < 0.0),
         growth={name: size * bone.scale for name, bone in bones.items()},
         bodies=(route.source, route.target),
     )
