@@ -136,7 +136,7 @@ def template(node):
 
 
 def messages():
-    """Sentences in the code that are no docstrings, descriptions or lists of names: what may be said."""
+    """Sentences in the code that are no docstrings, descriptions, types or lists of names: what is said."""
     for path in ADDON.rglob("*.py"):
         if path.name in NOT_SHOWN or path.name.endswith("_table.py") or "presets" in path.parts:
             continue
@@ -151,6 +151,12 @@ def messages():
             elif isinstance(node, ast.Call):
                 told = [word.value for word in node.keywords if word.arg == "description"]
                 passed.update(part for each in told for part in ast.walk(each))
+            elif isinstance(node, ast.arg):
+                passed.add(node.annotation)
+            elif isinstance(node, ast.FunctionDef):
+                passed.add(node.returns)
+            elif isinstance(node, ast.AnnAssign) and getattr(node.annotation, "id", "") == "TypeAlias":
+                passed.add(node.value)
             elif isinstance(node, ast.Dict):
                 keys = [constant(key) for key in node.keys if key is not None]
                 if "__doc__" in keys:
