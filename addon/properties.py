@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the add-on remembers: settings of the scene, and on each matched mesh what its match was."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import bpy
 from bpy.props import (
@@ -65,20 +66,20 @@ class SPECTRAL_MATCH_PG_skipped(PropertyGroup):
     """Something of the source that stays behind; `name` is "kind/name"."""
 
 
-def _morphs():
+def _morphs() -> list[bpy.types.Modifier]:
     """The morph modifiers of the pair's matched meshes."""
     found = map(morph.modifier_of, pair.matched_pieces(bpy.context))
     return [modifier for modifier in found if morph.is_whole(modifier)]
 
 
-def _of_morphs(identifier, nothing):
+def _of_morphs(identifier: str, nothing: Any) -> dict[str, Callable[..., Any]]:
     """What reads a group input of all morphs that are shown, as the first has it, and what writes it."""
 
-    def read(_settings):
+    def read(_settings: PropertyGroup) -> Any:
         found = _morphs()
         return morph.value(found[0], identifier) if found else nothing
 
-    def write(_settings, value):
+    def write(_settings: PropertyGroup, value: Any) -> None:
         for modifier in _morphs():
             morph.set_value(modifier, identifier, value)
 

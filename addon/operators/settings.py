@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from pathlib import Path
-
 from typing import Any
 
 import bpy
@@ -37,7 +36,9 @@ def shown_name(name: str) -> str:
 
     Blender itself would take Face for one of a mesh.
     """
-    return bpy.app.translations.pgettext_iface(name, OWN_CONTEXT)
+    translations: Any = bpy.app.translations
+    found: str = translations.pgettext_iface(name, OWN_CONTEXT)
+    return found
 
 
 def shipped() -> dict[str, str]:
@@ -51,7 +52,7 @@ def _name_of(path: str) -> str:
     return shown_name(name) if Path(path).is_relative_to(FOLDER) else name
 
 
-def path_menu(menu: Menu, paths: list[str], operator: str, **keywords: Any) -> None:
+def path_menu(menu: Menu, paths: list[str] | None, operator: str | None, **keywords: Any) -> None:
     """As Blender fills a menu or panel of presets, with our names."""
     Menu.path_menu(menu, paths, operator, **{**keywords, "display_name": _name_of})
 
@@ -60,8 +61,12 @@ class SPECTRAL_MATCH_MT_presets(Menu):
     bl_label = "Presets"
     preset_subdir = PRESETS
     preset_operator = "script.execute_preset"
-    draw = Menu.draw_preset
-    path_menu = path_menu
+
+    def draw(self, context: bpy.types.Context) -> None:
+        self.draw_preset(context)
+
+    def path_menu(self, searchpaths: list[str] | None, operator: str | None, **keywords: Any) -> None:
+        path_menu(self, searchpaths, operator, **keywords)
 
 
 class SPECTRAL_MATCH_OT_add_preset(AddPresetBase, Operator):
@@ -75,10 +80,12 @@ class SPECTRAL_MATCH_OT_add_preset(AddPresetBase, Operator):
     preset_values = [f"settings.{name}" for name in PRESET_NAMES]
 
     def execute(self, context: bpy.types.Context) -> Outcome:
-        self.name = shipped().get(self.name, self.name)
-        removed = bpy.utils.preset_find(self.name, PRESETS, display_name=True)
+        # The base's property, which the stubs take for the name of an operator.
+        own: Any = self
+        own.name = shipped().get(own.name, own.name)
+        removed = bpy.utils.preset_find(own.name, PRESETS, display_name=True)
         if (self.remove_name or self.remove_active) and removed and Path(removed).is_relative_to(FOLDER):
-            self.report({"ERROR"}, spoken(f"The preset '{self.name}' comes with the extension and stays"))
+            self.report({"ERROR"}, spoken(f"The preset '{own.name}' comes with the extension and stays"))
             return {"CANCELLED"}
         return super().execute(context)
 
