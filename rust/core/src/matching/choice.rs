@@ -33,8 +33,8 @@ use crate::watch::progress::Progress;
 
 /// Hypotheses for two whole shapes: by a narrow search alone where that finds a clear map without a rival; else also by how
 /// they stand, which is enough where they stand alike; else by a usual search as well, from both sides where the bodies differ,
-/// and then by one that also knows the plane of symmetry of each. When they are poor, also for either being a part of the
-/// other, which must then fit clearly better, since half as many questions are easier to answer well; and when these are no
+/// and then by one that also knows the plane of symmetry of each. When they are poor, also for either, if it is open, being a part
+/// of the other, which must then fit clearly better, since half as many questions are easier to answer well; and when these are no
 /// better, once more for whole shapes by a wider search.
 pub(super) fn whole_or_part(
     pair: &Pair<'_>,
@@ -141,21 +141,16 @@ fn parts_and_wide<'a>(
 ) -> Result<Vec<Hypothesis>> {
     let whole = best[0].metrics;
     for (part_is, within) in [(Which::Target, (0.4, 0.45)), (Which::Source, (0.45, 0.5))] {
-        let as_part = search(guided, Coverage::of_part(part_is), Width::USUAL, within);
-        let mut found = found_or_none(as_part)?;
-        let is_open = pair.shape(part_is).mesh.is_open();
-        let better = if is_open {
-            CHOICE.part_fits_better
-        } else {
-            CHOICE.closed_part_fits_better
-        };
-        if is_open {
-            let placed = placed_at_assumed_lengths(pair, part_is, &found, progress)?;
-            found = ranking::merged(pair.source, found, placed);
+        if !pair.shape(part_is).mesh.is_open() {
+            continue;
         }
-        if fits_better(&found, &whole, better)
+        let as_part = search(guided, Coverage::of_part(part_is), Width::USUAL, within);
+        let found = found_or_none(as_part)?;
+        let placed = placed_at_assumed_lengths(pair, part_is, &found, progress)?;
+        let mut found = ranking::merged(pair.source, found, placed);
+        if fits_better(&found, &whole, CHOICE.part_fits_better)
             && fits_better(&found, &best[0].metrics, 1.0)
-            && (!is_open || begins_at_boundary(pair, part_is, &found[0]))
+            && begins_at_boundary(pair, part_is, &found[0])
         {
             found.push(best.swap_remove(0));
             best = found;

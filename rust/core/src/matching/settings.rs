@@ -9,8 +9,6 @@ settings! {
         /// that of the map between wholes: right ones reach 0.21 to 0.77; where the map between wholes is the better
         /// one they stay above 0.81, or leave over what begins elsewhere than at a rim.
         part_fits_better: f64 = 0.8,
-        /// The same where the part has no rim, as if nothing were cut off: between animals wrong ones reach 0.66.
-        closed_part_fits_better: f64 = 0.6,
         /// The same where given lengths say that it is a part and the map between wholes is doubtful: one that wraps
         /// a cut cat into a whole one reaches the rank of the right part.
         known_part_fits_better: f64 = 1.1,
