@@ -47,6 +47,8 @@ settings! {
         above: f64 = 0.01,
         /// Heights of what was found from both sides differ by less.
         even: f64 = 0.05,
+        /// Figures are unlike where legs or necks differ by more: those of 16 people of five packs differ by at most 0.08.
+        unlike: f64 = 0.1,
     }
 
     /// The map between two figures that stand alike: upright and at rest, facing one way.

@@ -20,7 +20,7 @@ use crate::matching::problem::point_map::PointMaps;
 use crate::matching::ranking::{self, Hypothesis, judging, quality};
 use crate::matching::refinement::settings::UPSAMPLING;
 use crate::matching::search::{SampledBases, fit, gram};
-use crate::matching::settings::STANDING;
+use crate::matching::settings::{LEVELS, STANDING};
 use crate::shape::Shape;
 use crate::watch::progress::{Check, Progress};
 
@@ -188,7 +188,10 @@ fn registered(
     let up = alignment.up;
     let mut target = Figure::new(pair.target, alignment.turn, up, 1.0);
     let source = Figure::new(pair.source, UNTURNED, up, 1.0);
-    levels::stretch(&mut target.places, up, &common_levels(pair, alignment));
+    let levels = common_levels(pair, alignment);
+    if levels.iter().any(|[t, s]| (t - s).abs() > LEVELS.unlike) {
+        levels::stretch(&mut target.places, up, &levels);
+    }
     let held = Held {
         graph: pair.target.deformation_graph()?,
         faces: &pair.target.mesh.faces,
