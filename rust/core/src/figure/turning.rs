@@ -7,7 +7,6 @@
 use std::f64::consts::TAU;
 
 use faer::{Mat, Side};
-use rayon::prelude::*;
 
 use super::worn::spread;
 use crate::algebra::dense::clearing_registers;
@@ -32,7 +31,7 @@ pub(super) fn turns_onto_itself(mesh: &Mesh) -> bool {
     let asked = spread(&surface, TURNING.asked);
     let is_same = |axis: Point, angle: f64| {
         let mut apart: Vec<f64> = asked
-            .par_iter()
+            .iter()
             .map(|&(place, _)| {
                 let off = vector::sub(place, centre);
                 let turned = vector::add(centre, turned(off, axis, angle));

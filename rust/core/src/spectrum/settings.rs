@@ -94,7 +94,7 @@ settings! {
         /// By how much of the spacing it is moved.
         aside: f64 = 0.3,
         /// Eigenvectors of two slices meet at the residual over the distance of their eigenvalues. Where that is more
-        /// than this, removing it leaves those of one slice no longer orthogonal to each other, and they are made so
+        /// than this, removing it leaves those of one slice not orthogonal to each other, and they are made so
         /// again.
         small_overlap: f64 = 1e-7,
         /// Where it is more than this, both have the same eigenvector, or the border falls among copies of an
