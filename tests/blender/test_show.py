@@ -207,9 +207,12 @@ def test_undo_of_painted_colours_shows_those_of_the_match_flat_again(pair):
     source, target, _ = pair
     source.data.color_attributes.new("Paint", "FLOAT_COLOR", "POINT")
     bpy.ops.spectral_match.match()
-    bpy.ops.spectral_match.show(what="COLOURS")
+    # Whatever other tests left in the viewport.
+    bpy.ops.spectral_match.show(what="NOTHING")
     areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
     (shading,) = (area.spaces.active.shading for area in areas if area.type == "VIEW_3D")
+    shading.light = "STUDIO"
+    bpy.ops.spectral_match.show(what="COLOURS")
     bpy.ops.ed.undo_push(message="Colors")
     assert shading.light == "FLAT"
     bpy.ops.spectral_match.transfer(kinds="colours")
