@@ -29,6 +29,7 @@ pub(super) fn turns_onto_itself(mesh: &Mesh) -> bool {
         return false;
     };
     let asked = spread(&surface, TURNING.asked);
+    // On this thread alone: a grade is asked for outside of a match, and in a process that was forked there is no other.
     let is_same = |axis: Point, angle: f64| {
         let mut apart: Vec<f64> = asked
             .iter()

@@ -82,8 +82,8 @@ settings! {
         /// Times that the map of a part is refined on what it covers of the whole.
         covered_rounds: usize = 5,
         /// Such a map is kept when its rank is below this times that of the map before the first time: right ones
-        /// stay below 1.1 mostly and 1.25 at most. Where too much was cut away it was above 1.25, measured before
-        /// rims counted less in the rank.
+        /// stay below 1.1 mostly and 1.25 at most. Where too much is cut away it is above 1.25, with rims that
+        /// count fully in the rank.
         covered_well: f64 = 1.25,
     }
 

@@ -81,10 +81,7 @@ pub(super) fn legs(mesh: &Mesh, axis: usize, sign: f64) -> Option<f64> {
 /// Height of the neck of such a figure, whose sides are along another axis; nothing where no head is told from what is below it.
 pub(super) fn neck(mesh: &Mesh, axis: usize, sign: f64, sideways: usize) -> Option<f64> {
     let heights = heights(mesh, axis, sign);
-    let [low, high] = [f64::min, f64::max].map(|of| {
-        let along = mesh.vertices.iter().map(|p| p[axis]);
-        along.reduce(of).unwrap_or(0.0)
-    });
+    let [low, high] = reach(mesh, axis);
     let from_side = |side: f64| -> Vec<(f64, f64)> {
         let along: Vec<f64> = mesh
             .vertices
@@ -106,12 +103,21 @@ pub(super) fn neck(mesh: &Mesh, axis: usize, sign: f64, sideways: usize) -> Opti
         .map(|(a, b)| f64::midpoint(a.0, b.0))
 }
 
-/// Of the vertices along an axis, from 0 to 1.
+/// Of the vertices along an axis, or against it, from 0 to 1.
 fn heights(mesh: &Mesh, axis: usize, sign: f64) -> Vec<f64> {
-    let along = || mesh.vertices.iter().map(|p| sign * p[axis]);
-    let low = along().fold(f64::INFINITY, f64::min);
-    let high = along().fold(f64::NEG_INFINITY, f64::max);
-    along().map(|at| (at - low) / (high - low)).collect()
+    let [a, b] = reach(mesh, axis).map(|end| sign * end);
+    let (low, high) = (a.min(b), a.max(b));
+    let along = mesh.vertices.iter().map(|p| sign * p[axis]);
+    along.map(|at| (at - low) / (high - low)).collect()
+}
+
+/// Lowest and highest coordinate of a mesh.
+pub(super) fn reach(mesh: &Mesh, axis: usize) -> [f64; 2] {
+    let along = || mesh.vertices.iter().map(|p| p[axis]);
+    [
+        along().fold(f64::INFINITY, f64::min),
+        along().fold(f64::NEG_INFINITY, f64::max),
+    ]
 }
 
 /// Moves places along the axis that points up, from 0 to 1, so that some heights come to lie at others, ascending both, and

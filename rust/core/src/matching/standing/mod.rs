@@ -78,7 +78,7 @@ impl Figure {
     /// Turned, and standing along an axis.
     fn new(shape: &Shape, turn: Turn, up: usize, height: f64) -> Self {
         let (axis, sign) = turn[up];
-        let [low, high] = reach(shape, axis).map(|end| sign * end);
+        let [low, high] = levels::reach(&shape.mesh, axis).map(|end| sign * end);
         let (low, high) = (low.min(high), low.max(high));
         let turned = |p: &Point| turn.map(|(axis, sign)| sign * p[axis]);
         let place = |p: &Point| {
@@ -102,15 +102,6 @@ impl Figure {
     }
 }
 
-/// Lowest and highest coordinate of a shape.
-fn reach(shape: &Shape, axis: usize) -> [f64; 2] {
-    let along = || shape.mesh.vertices.iter().map(|p| p[axis]);
-    [
-        along().fold(f64::INFINITY, f64::min),
-        along().fold(f64::NEG_INFINITY, f64::max),
-    ]
-}
-
 /// How they may stand alike: as given first.
 fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
     let [of_target, of_source] = [pair.target, pair.source].map(judging);
@@ -120,7 +111,7 @@ fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
     let best = |turn: Turn| {
         let along = |up: usize| {
             // As large as the source is, whichever axis points up.
-            let [low, high] = reach(pair.source, up);
+            let [low, high] = levels::reach(&pair.source.mesh, up);
             let target = Figure::new(pair.target, turn, up, high - low);
             let source = Figure::new(pair.source, UNTURNED, up, high - low);
             let (here, there) = (target.sampled(of_target), source.sampled(of_source));
@@ -159,7 +150,7 @@ fn common_levels(pair: &Pair<'_>, alignment: &Alignment) -> Vec<[f64; 2]> {
         .into_iter()
         .collect();
     let extent = |axis: usize| {
-        let [low, high] = reach(pair.source, axis);
+        let [low, high] = levels::reach(&pair.source.mesh, axis);
         high - low
     };
     let [a, b] = [(up + 1) % 3, (up + 2) % 3];
