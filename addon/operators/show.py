@@ -53,15 +53,19 @@ def _activate(mesh: bpy.types.Mesh, name: str) -> None:
     colours.active_color = colours[name]
 
 
+def _colour_viewport(space: Any) -> None:
+    shading = space.shading
+    _earlier_colouring.setdefault(
+        space.as_pointer(), (shading.type, shading.color_type, shading.light, shading.show_cavity)
+    )
+    shading.type, shading.color_type = "SOLID", "VERTEX"
+    # Flat, so that shade is not taken for colour; cavities tell the form.
+    shading.light, shading.show_cavity = "FLAT", True
+
+
 def _colour_viewports(context: bpy.types.Context) -> None:
     for space in _viewports(context):
-        shading = space.shading
-        _earlier_colouring.setdefault(
-            space.as_pointer(), (shading.type, shading.color_type, shading.light, shading.show_cavity)
-        )
-        shading.type, shading.color_type = "SOLID", "VERTEX"
-        # Flat, so that shade is not taken for colour; cavities tell the form.
-        shading.light, shading.show_cavity = "FLAT", True
+        _colour_viewport(space)
 
 
 def _uncolour_viewports(context: bpy.types.Context) -> None:
@@ -198,9 +202,7 @@ def _follow_undo(_scene: object, _unused: object = None) -> None:
         if shading.type != "SOLID" or shading.color_type != "VERTEX":
             continue
         if ours:
-            earlier = (shading.type, shading.color_type, shading.light, shading.show_cavity)
-            _earlier_colouring.setdefault(space.as_pointer(), earlier)
-            shading.light, shading.show_cavity = "FLAT", True
+            _colour_viewport(space)
         elif space.as_pointer() in _earlier_colouring:
             shading.light, shading.show_cavity = _earlier_colouring.pop(space.as_pointer())[2:]
 
