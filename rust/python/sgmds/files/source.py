@@ -15,8 +15,9 @@ from .. import memory
 from ..errors import NotEnoughMemory
 
 FACTOR = 11
-"""Bytes of what is read that may be held for each byte of the file. The shortest triangle of a text, with its
-line end "f 1 2 3" has 8 bytes; its corners take 24, as many as the triangle that is made of them."""
+"""Bytes of what is read that may be held for each byte of the file. The shortest triangle of a text,
+"f 1 2 3" with its line end, has 8 bytes; its corners take 24, as many as the triangle that is made of
+them."""
 BASE = 140 * 10**6
 """The same whatever the size of the file. With both, memory stays below 12 times the file and 200 MB: arrays
 take a sixteenth more than is in them while they grow, and the places that they leave 32 MB; the words of a
