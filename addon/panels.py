@@ -27,7 +27,7 @@ from . import (
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_option, draw_words, fold
 from .operators import pick, show
 from .operators.outfit import wearer_of
-from .operators.settings import PRESETS, SPECTRAL_MATCH_MT_presets, path_menu, shown_name
+from .operators.settings import PRESETS, draw_presets, path_menu
 from .outfit import live, wardrobe
 from .translation import OWN_CONTEXT, said
 from .typed import EnumItem, Settings, StoredMatch
@@ -587,8 +587,7 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
         source = pair.shown(context).source
         if source is not None and count and not pair.matched(context):
             # After a match the panel Transfer shows it.
-            label = shown_name(SPECTRAL_MATCH_MT_presets.bl_label)
-            layout.menu("SPECTRAL_MATCH_MT_presets", text=label, translate=False)
+            draw_presets(layout)
             transfer_panel.draw_kinds(layout, context.scene.spectral_match, source.pieces)
 
 

@@ -12,7 +12,7 @@ from bpy.types import Panel
 from . import notice, pair, remedy, stored_match, wording
 from .character import is_there
 from .drawing import BIG, MatchedSubPanel, draw_option, draw_words, fold
-from .operators.settings import SPECTRAL_MATCH_MT_presets, shown_name
+from .operators.settings import draw_presets
 from .transfer import KINDS, names_of
 from .translation import OWN_CONTEXT, said
 from .typed import EnumItem, Settings
@@ -46,8 +46,7 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         row.operator("spectral_match.transfer", icon="IMPORT")
         if notice.done:
             self._draw_done(context, layout.box().column(), settings)
-        label = shown_name(SPECTRAL_MATCH_MT_presets.bl_label)
-        layout.menu("SPECTRAL_MATCH_MT_presets", text=label, translate=False)
+        draw_presets(layout)
         draw_kinds(layout, settings, sources)
 
     @staticmethod

@@ -69,6 +69,12 @@ class SPECTRAL_MATCH_MT_presets(Menu):
         path_menu(self, searchpaths, operator, **keywords)
 
 
+def draw_presets(layout: bpy.types.UILayout) -> None:
+    """The menu of the presets, by the name of the last one chosen."""
+    label = shown_name(SPECTRAL_MATCH_MT_presets.bl_label)
+    layout.menu("SPECTRAL_MATCH_MT_presets", text=label, translate=False)
+
+
 class SPECTRAL_MATCH_OT_add_preset(AddPresetBase, Operator):
     """Keep the settings of match and transfer under a name, or remove the chosen preset"""
 
