@@ -528,6 +528,32 @@ MESSAGES = (
         "'{}' 只能再添加 {} 个 UV 贴图(最多 {} 个)。请移除一个",
     ),
     (
+        "UV map '{}' of '{}' has {} of the surface in single points, which show one texel each. Unwrap anew",
+        "'{1}' の UVマップ '{0}' では面の {2} が 1 点にあり、1 テクセルしか表示しません。"
+        "展開し直してください",
+        "'{1}' 的 UV 贴图 '{0}' 中 {2} 的表面位于单个点上,只显示一个像素。请重新展开",
+    ),
+    (
+        "Textures of '{}' were baked into a new UV map, '{}'. {}",
+        "'{}' のテクスチャを新しい UVマップ '{}' にベイクしました。{}",
+        "'{}' 的纹理已烘焙到新的 UV 贴图 '{}'。{}",
+    ),
+    (
+        "Textures of '{}' were baked into a new UV map, '{}'.",
+        "'{}' のテクスチャを新しい UVマップ '{}' にベイクしました。",
+        "'{}' 的纹理已烘焙到新的 UV 贴图 '{}'。",
+    ),
+    (
+        "In '{}', {} of it would show what belongs elsewhere",
+        "'{0}' では {1} が別の場所の絵になるためです",
+        "若用 '{0}',其 {1} 会显示别处的内容",
+    ),
+    (
+        "'{}' could not be unwrapped. Unwrap it by hand and transfer again",
+        "'{}' を展開できません。手動で展開して再転送してください",
+        "无法展开 '{}'。请手动展开后再次传递",
+    ),
+    (
         "'{}' has no room for one more UV map. Remove one",
         "'{}' に UVマップを追加できません。1 つ削除してください",
         "'{}' 无法再添加 UV 贴图。请移除一个",
@@ -540,11 +566,11 @@ MESSAGES = (
     (
         "UV map '{}' of '{}' overlaps: {} of it is used more than once, and shows the same texels "
         "there. That is right "
-        "for halves that look alike. If others look wrong, unwrap anew and transfer again",
+        "for halves that look alike. If others look wrong, unwrap anew",
         "'{1}' の UVマップ '{0}' が重なっています({2} が重複)。左右同じ絵なら問題ありません。"
-        "見た目がおかしければ展開し直し、再転送してください",
+        "見た目がおかしければ展開し直してください",
         "'{1}' 的 UV 贴图 '{0}' 有重叠:{2} 被多次使用,显示相同像素。左右相同时没有问题;若看起来不对,"
-        "请重新展开并再次传递",
+        "请重新展开",
     ),
     (
         "Materials of '{}' overlap in UV map '{}': each of them got images of its own ({})",
@@ -595,16 +621,6 @@ MESSAGES = (
         "'{}' has no UV map of its own to bake textures into. Unwrap it first",
         "'{}' にはベイク先となる自身の UVマップがありません。先に展開してください",
         "'{}' 没有自己的 UV 贴图可供烘焙。请先展开",
-    ),
-    (
-        "'{}' is hidden. Show it to unwrap it",
-        "'{}' は非表示です。展開するには表示してください",
-        "'{}' 已隐藏。请显示后再展开",
-    ),
-    (
-        "{} got the UV map '{}'. Transfer again to bake into it",
-        "{} に UVマップ '{}' を追加しました。再転送するとベイクされます",
-        "{} 已获得 UV 贴图 '{}'。再次传递即可烘焙",
     ),
     (
         "UV map '{}' of '{}' reaches out of the tiles that an image can have, from 0 to {} across and 0 "

@@ -12,9 +12,6 @@ import bpy
 
 from .typed import EnumItem
 
-# After a name: of how many meshes more the same is said.
-MORE = r"(?: and \d+ more mesh(?:es)?)?"
-
 
 @dataclass(frozen=True)
 class Remedy:
@@ -39,8 +36,8 @@ OUTDATED = Remedy("Remove Outdated Landmarks", "spectral_match.remove_outdated",
 TAKE = Remedy("Let It Take Part", "spectral_match.toggle_piece", "CHECKBOX_HLT", named="piece")
 SHOW = Remedy("Show It", "spectral_match.show_object", "HIDE_OFF", named="name")
 SCALE = Remedy("Set Its Scale to 1", "spectral_match.unit_scale", "FULLSCREEN_ENTER", named="name")
-UNWRAP = Remedy("Unwrap It", "spectral_match.unwrap", "UV", named="name")
-UNWRAP_ANEW = Remedy("Unwrap Anew", "spectral_match.unwrap", "UV", (("overlapping", True),), named="name")
+UNWRAP = Remedy("Unwrap It", "spectral_match.transfer", "UV", (("bake_unwrap", "OVERLAPS"),))
+UNWRAP_ANEW = Remedy("Unwrap Anew", "spectral_match.transfer", "UV", (("bake_unwrap", "OVERLAPS"),))
 LOCAL = Remedy("Make Selected Local", "object.make_local", "LINKED", (("type", "SELECT_OBDATA"),))
 REAL = Remedy("Make Instances Real", "object.duplicates_make_real", "OUTLINER_OB_MESH")
 LEAVE_MODE = Remedy("Object Mode", "object.mode_set", "OBJECT_DATAMODE", (("mode", "OBJECT"),))
@@ -63,11 +60,10 @@ TABLE = (
     (r"^'(.*)' is hidden in all viewports", SHOW),
     (r"^'(.*)' is scaled to nothing", SCALE),
     (
-        rf"^'(.*?)'{MORE} has no UV map of its own to bake"
-        rf"|^Textures of '(.*?)'{MORE} are shown by the source's UV map",
+        r"has no UV map of its own to bake textures into|Textures of '.*'.* are shown by the source's UV map",
         UNWRAP,
     ),
-    (rf"^UV map '.*?' of '(.*?)'{MORE} overlaps: ", UNWRAP_ANEW),
+    (r"^UV map '.*' of '.*'.* (?:overlaps: |has .* of the surface in single points)", UNWRAP_ANEW),
     (r"Make Local >", LOCAL),
     (r"Make Instances Real", REAL),
     (r"Leave Sculpt Mode first|Use Object Mode first", LEAVE_MODE),

@@ -315,6 +315,28 @@ TOOLTIPS = (
         "ベイク先の転送先UVマップ。空の場合はアクティブなもの、それが置き換わる場合は最初の別のもの",
         "烘焙到的目标 UV 贴图。留空:使用活动项;若其被来源替换,则用首个其他贴图",
     ),
+    (
+        "When to give the target a new UV map by Smart UV Project, beside its own, and bake into that",
+        "スマートUV投影で転送先に新しい UVマップを追加し、そこへベイクする条件。既存のものは残ります",
+        "何时用智能 UV 投射为目标添加新的 UV 贴图并烘焙到其中;原有贴图保留",
+    ),
+    (
+        "Bake into a UV map of its own in any case",
+        "常に既存の UVマップへベイクします",
+        "始终烘焙到原有 UV 贴图",
+    ),
+    (
+        "Where places that should look different share texels of its own UV map, as in a palette, or where "
+        "nothing else shows the textures",
+        "既存の UVマップで別の絵になるべき場所が同じテクセルを使う場合(パレットなど)、"
+        "または他にテクスチャを表示する方法がない場合",
+        "原有 UV 贴图中应不同的部位共用像素(如调色板),或没有其他方式显示纹理时",
+    ),
+    (
+        "Where its own UV map overlaps at all, or it has none",
+        "既存の UVマップが重なっているか、存在しない場合",
+        "原有 UV 贴图有任何重叠,或没有 UV 贴图时",
+    ),
     ("Size of the baked images", "ベイクする画像のサイズ", "烘焙图像的尺寸"),
     (
         "Pixels by which islands are extended into the empty space around them",
@@ -556,11 +578,6 @@ TOOLTIPS = (
         "Give this object the scale 1 along each axis that is scaled to nothing",
         "スケールが 0 の軸を 1 にします",
         "将此物体缩放为 0 的各轴设为 1",
-    ),
-    (
-        "Give this mesh, and others of its character in need of one, a new UV map by Smart UV Project",
-        "スマートUV投影で、このメッシュと、同じキャラクターで必要なメッシュに新しい UVマップを追加します",
-        "用智能 UV 投射为此网格及同一角色中需要的网格添加新的 UV 贴图",
     ),
     (
         "Remove the landmarks of this pair whose mesh got other vertices since they were picked",

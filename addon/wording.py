@@ -41,6 +41,7 @@ TOLD = (
     "was not fitted",
     "locked vertex groups of",
     "were split along seams",
+    "were baked into a new UV map",
     "each of them got images of its own",
     "Weights of other bones gave way",
     "and were left out",

@@ -1,24 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Remedies: what a button beside a refusal or a note does where Blender has no operator for it."""
 
-from collections.abc import Iterator
 from typing import Any
 
 import bpy
-import numpy as np
-from bpy.props import BoolProperty, StringProperty
+from bpy.props import StringProperty
 from bpy.types import Operator
 
-from .. import landmarks, mesh_read, mesh_write, pair
+from .. import landmarks, pair
 from ..mesh_read import UnusableObjectError
-from ..transfer import others
-from ..transfer.layouts import own_maps
-from ..transfer.sheets import overlaps
-from ..typed import Flags, Outcome
+from ..typed import Outcome
 from .step import Step
-
-# Between islands, as a share of the square: eight texels of an image 2048 wide, the margin that is baked.
-ISLAND_MARGIN = 8 / 2048
 
 
 class OnObject(Step):
@@ -75,92 +67,6 @@ class SPECTRAL_MATCH_OT_unit_scale(OnObject, Operator):
         obj.scale = [factor or 1.0 for factor in obj.scale]
 
 
-class SPECTRAL_MATCH_OT_unwrap(OnObject, Operator):
-    """Give this mesh, and others of its character in need of one, a new UV map by Smart UV Project"""
-
-    bl_idname = "spectral_match.unwrap"
-    bl_label = "Unwrap It"
-
-    # Whether those are in need whose own map overlaps, instead of those that have none.
-    overlapping: BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
-
-    def act_on(self, obj: bpy.types.Object, context: bpy.types.Context) -> None:
-        objects = context.view_layer.objects
-        in_need = self._overlaps if self.overlapping else self._is_bare
-        bare = [obj, *filter(in_need, _matched_with(obj, context))]
-        for each in bare:
-            if each.name not in objects or not each.visible_get():
-                raise UnusableObjectError(f"'{each.name}' is hidden. Show it to unwrap it")
-            mesh_read.check_usable(each, as_target=True)
-        active, selected = objects.active, list(objects.selected)
-        # All that are selected, or in Edit Mode already, would be unwrapped.
-        with mesh_write.object_mode(context, [each for each in objects if each.type == "MESH"]):
-            layers = {each: each.data.uv_layers.new(name="UVMap") for each in bare}
-            full = next((each.name for each, layer in layers.items() if layer is None), None)
-            if full is not None:
-                for each, layer in layers.items():
-                    if layer is not None:
-                        each.data.uv_layers.remove(layer)
-                raise UnusableObjectError(f"'{full}' has no room for one more UV map. Remove one")
-            name = layers[obj].name
-            for each in selected:
-                each.select_set(False)
-            try:
-                for each, layer in layers.items():
-                    each.data.uv_layers.active = layer
-                    _unwrap(objects, each)
-            finally:
-                objects.active = active
-                for each in selected:
-                    each.select_set(True)
-        who = f"'{obj.name}'{others(len(bare) - 1)}"
-        self.tell({"INFO"}, f"{who} got the UV map '{name}'. Transfer again to bake into it")
-
-    @staticmethod
-    def _is_bare(obj: bpy.types.Object) -> bool:
-        return not own_maps(obj.data)
-
-    @staticmethod
-    def _overlaps(obj: bpy.types.Object) -> bool:
-        own, active = own_maps(obj.data), obj.data.uv_layers.active
-        return bool(own) and overlaps(obj.data, active.name if active.name in own else own[0])
-
-
-def _matched_with(obj: bpy.types.Object, context: bpy.types.Context) -> list[bpy.types.Object]:
-    """The other meshes of a target of the pair that were matched with this one."""
-    return [
-        each
-        for target in pair.matched(context)
-        if obj in target.pieces
-        for each in target.pieces
-        if each != obj
-    ]
-
-
-def _unwrap(objects: bpy.types.LayerObjects, obj: bpy.types.Object) -> None:
-    """Lay out all faces of a mesh, hidden ones too, in its active UV map."""
-    objects.active = obj
-    states = list(_states(obj.data))
-    bpy.ops.object.mode_set(mode="EDIT")
-    try:
-        bpy.ops.mesh.reveal()
-        bpy.ops.mesh.select_all(action="SELECT")
-        bpy.ops.uv.smart_project(island_margin=ISLAND_MARGIN)
-    finally:
-        bpy.ops.object.mode_set(mode="OBJECT")
-        for elements, state, values in states:
-            elements.foreach_set(state, values)
-
-
-def _states(mesh: bpy.types.Mesh) -> Iterator[tuple[Any, str, Flags]]:
-    """Which vertices, edges and faces are selected and hidden: (elements, name of the state, values)."""
-    for elements in (mesh.vertices, mesh.edges, mesh.polygons):
-        for state in ("select", "hide"):
-            values = np.empty(len(elements), bool)
-            elements.foreach_get(state, values)
-            yield elements, state, values
-
-
 class SPECTRAL_MATCH_OT_remove_outdated(Step, Operator):
     """Remove the landmarks of this pair whose mesh got other vertices since they were picked"""
 
@@ -182,6 +88,5 @@ class SPECTRAL_MATCH_OT_remove_outdated(Step, Operator):
 CLASSES = (
     SPECTRAL_MATCH_OT_show_object,
     SPECTRAL_MATCH_OT_unit_scale,
-    SPECTRAL_MATCH_OT_unwrap,
     SPECTRAL_MATCH_OT_remove_outdated,
 )

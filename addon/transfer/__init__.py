@@ -29,6 +29,7 @@ from . import (
     seam_splits,
     shape_keys,
     textures,
+    unwrapping,
     uv_maps,
     vertex_groups,
 )
@@ -188,6 +189,9 @@ def carry_all(
             _settle_names(route, options)
             route, words = splits.enter_context(
                 seam_splits.split(route, route.wanted[uv_maps.KIND.identifier], options)
+            )
+            words += splits.enter_context(
+                unwrapping.unwrapped(route, route.wanted[textures.KIND.identifier], options)
             )
             routes.append(route)
             said += ((target, note) for note in words)

@@ -134,8 +134,8 @@ def _seen_joined(
             _follow_bone(obj, objects[-1])
         view = replace(_joined(sources, bodies, objects, matrices), notes=tuple(notes))
         view.object.name = f"{name} ({len(sources)} meshes)"
-        # The window is drawn meanwhile. An instancer that does not show itself is posed, but not drawn.
-        view.object.instance_type, view.object.show_instancer_for_viewport = "VERTS", False
+        # The window is drawn meanwhile: neither viewport nor outliner show what is in no collection.
+        bpy.context.scene.collection.objects.unlink(view.object)
         with stand_in(view.object, sources, name):
             yield view
     finally:

@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 CARRIED = "spectral_match_uv_maps"
 # A layout covers less than this of its square, (in units of UV)², when it is none: all places are one.
 EMPTY = 1e-12
+# When the target is unwrapped anew for textures.
+NEVER, NEEDED, OVERLAPS = "NEVER", "NEEDED", "OVERLAPS"
+MOST_UV_MAPS = 8
 # Longer names are cut by Blender, up to bytes of a sign.
 LONGEST_NAME = 60
 
@@ -76,12 +79,13 @@ def names_on_target(
         elif name not in own or replace:
             named[name] = name
         else:
-            named[name] = _free(f"{name} {name_of(source)}"[:LONGEST_NAME], taken)
+            named[name] = free_name(f"{name} {name_of(source)}"[:LONGEST_NAME], taken)
             taken.add(named[name])
     return named
 
 
-def _free(name: str, taken: Container[str]) -> str:
+def free_name(name: str, taken: Container[str]) -> str:
+    """The name, with a number behind it where it is taken."""
     number, free = 1, name
     while free in taken:
         free = f"{name}.{number:03}"
@@ -95,7 +99,11 @@ def remember(mesh: bpy.types.Mesh, named: Mapping[str, str]) -> None:
 
 
 def bake_map(route: Route, options: Options) -> str:
-    """The UV map to bake into: as chosen, else of the target's own ones the active or the first."""
+    """The UV map to bake into: one made for it, or as chosen, else of the target's own ones the active or the
+    first.
+    """
+    if route.unwrapped:
+        return route.unwrapped
     mesh = route.target.data
     if options.bake_uv or mesh.uv_layers.active is None:
         return options.bake_uv
@@ -116,3 +124,8 @@ def bakes_into_own(route: Route, options: Options) -> bool:
     name = bake_map(route, options)
     wanted = bool(route.wanted.get("textures"))
     return wanted and not takes_over(route, options) and name in route.target.data.uv_layers
+
+
+def unwraps_bare(route: Route, options: Options) -> bool:
+    """Whether a target without a layout gets one to bake textures into, instead of the source's alone."""
+    return bool(route.wanted.get("textures")) and options.bake_unwrap == OVERLAPS

@@ -16,7 +16,7 @@ from .. import landmarks, mesh_read, mesh_write, stored_match
 from ..mesh_read import UnusableObjectError
 from ..mesh_write import read_attribute, write_attribute
 from ..typed import Floats, Integers, Options, Values
-from .layouts import finite_uv, own_maps
+from .layouts import finite_uv, own_maps, unwraps_bare
 from .normals import corner_normals
 
 if TYPE_CHECKING:
@@ -38,7 +38,9 @@ def split(route: Route, uv_maps: Sequence[str], options: Options) -> Iterator[tu
     """
     target = route.target
     unasked = options.split_bare and not options.split_seams
-    wished = options.split_seams or (options.split_bare and not own_maps(target.data))
+    wished = options.split_seams or (
+        options.split_bare and not own_maps(target.data) and not unwraps_bare(route, options)
+    )
     cuts = _cuts(route, uv_maps) if uv_maps and wished else None
     if cuts is None or len(cuts.cuts) == 0:
         yield route, []

@@ -18,12 +18,11 @@ from ..mesh_write import check_name
 from ..typed import Flags, Floats, Options
 from .attributes import SEAMS
 from .kind import Kind, Prepared
-from .layouts import bakes_into_own, carried_maps, finite_uv, remember
+from .layouts import MOST_UV_MAPS, bakes_into_own, carried_maps, finite_uv, remember
 
 if TYPE_CHECKING:
     from .route import Route
 
-MOST_UV_MAPS = 8
 # Worse than the source's by more than this is said: stretch as a factor, shares of area as a difference.
 STRETCH_ROOM, SHARE_ROOM = 1.25, 0.02
 

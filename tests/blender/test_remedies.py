@@ -4,15 +4,13 @@
 import re
 
 import bpy
-import numpy as np
 import pytest
 from conftest import choose, lumpy, new_object
 from test_transfer import store_identity
 from test_translation import core_messages, messages, sentences
 
 from addon import drawing, landmarks, notice, remedy
-from addon.character import Character
-from addon.operators import remedies, step
+from addon.operators import step
 
 ALL = [each for each in vars(remedy).values() if isinstance(each, remedy.Remedy)]
 
@@ -108,46 +106,15 @@ def test_an_object_of_another_scene_is_not_shown_here(bodies):
         bpy.ops.spectral_match.show_object(name="Nobody")
 
 
-@pytest.mark.parametrize("mode", ["OBJECT", "EDIT"])
-def test_unwrapped_meshes_have_a_layout_without_overlap_beside_their_own(bodies, mode):
-    """And another mesh that is in Edit Mode keeps its own, as it is."""
-    source, target = bodies
-    target.data.uv_layers.new(name="Old")
-    other = source.data.uv_layers.new(name="Hers")
-    before = np.array([place.vector[:] for place in other.uv])
-    target.data.polygons[3].hide = target.data.polygons[5].select = True
-    bpy.ops.object.mode_set(mode=mode)
-    assert bpy.ops.spectral_match.unwrap(name="Target") == {"FINISHED"}
-    assert source.mode == mode and bpy.context.view_layer.objects.active == source
-    bpy.ops.object.mode_set(mode="OBJECT")
-    assert target.data.uv_layers.keys() == ["Old", "UVMap"] and target.data.uv_layers.active.name == "UVMap"
-    assert [face.index for face in target.data.polygons if face.hide] == [3]
-    uv = np.array([place.vector[:] for place in target.data.uv_layers["UVMap"].uv])
-    assert np.ptp(uv, axis=0).min() > 0.5 and uv.min() >= 0.0 and uv.max() <= 1.0
-    assert source.data.uv_layers.keys() == ["Hers"]
-    np.testing.assert_array_equal([place.vector[:] for place in source.data.uv_layers["Hers"].uv], before)
-
-
-def test_one_press_unwraps_all_meshes_of_a_character_that_have_no_layout(scene, monkeypatch):
-    """What is said of several meshes has the button too, and it is for all of them."""
-    source = new_object("Source", *lumpy(8))
-    source.data.uv_layers.new(name="UVMap")
-    pieces = [new_object(name, *lumpy(8)) for name in ("Body", "Left 'n Right", "Laid Out")]
-    for piece in pieces:
-        store_identity(source, piece)
-    pieces[2].data.uv_layers.new(name="Own")
-    assert bpy.ops.spectral_match.unwrap(name="Laid Out") == {"FINISHED"}
-    character = Character(pieces[0], tuple(pieces))
-    monkeypatch.setattr(remedies.pair, "matched", lambda _context: [character])
-    words = "'Body' and 1 more mesh has no UV map of its own to bake textures into. Unwrap it first"
-    assert remedy.remedies(words) == ((remedy.UNWRAP, "Body"),)
-    words = "Textures of 'Left 'n Right' and 3 more meshes are shown by the source's UV map, which they fit"
-    assert remedy.remedies(words) == ((remedy.UNWRAP, "Left 'n Right"),)
-    assert bpy.ops.spectral_match.unwrap(name="Left 'n Right") == {"FINISHED"}
-    assert [piece.data.uv_layers.keys() for piece in pieces] == [["UVMap"], ["UVMap"], ["Own", "UVMap"]]
-    for piece in pieces[:2]:
-        uv = np.array([place.vector[:] for place in piece.data.uv_layers["UVMap"].uv])
-        assert np.ptp(uv, axis=0).min() > 0.5
+def test_one_press_unwraps_all_meshes_of_a_character_that_have_no_layout():
+    """What is said of several meshes has the button too, which is for all of them."""
+    for words in (
+        "'Body' and 1 more mesh has no UV map of its own to bake textures into. Unwrap it first",
+        "Textures of 'Left 'n Right' and 3 more meshes are shown by the source's UV map, which they fit",
+    ):
+        assert remedy.remedies(words) == ((remedy.UNWRAP, ""),)
+    for known in (remedy.UNWRAP, remedy.UNWRAP_ANEW):
+        assert dict(known.properties) == {"bake_unwrap": "OVERLAPS"}
 
 
 def test_outdated_landmarks_go_and_others_stay(bodies):
