@@ -10,6 +10,7 @@ import bpy
 from . import (
     character,
     command_line,
+    item_lists,
     manual,
     menus,
     notice,
@@ -75,5 +76,6 @@ def unregister() -> None:
     prepared.forget()
     live.forget()
     wardrobe.forget()
+    item_lists.forget()
     notice.clear()
     translation.unregister()

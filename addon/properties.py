@@ -16,7 +16,7 @@ from bpy.props import (
 )
 from bpy.types import Collection, Object, PropertyGroup
 
-from . import morph, pair
+from . import item_lists, morph, pair
 from .character import AUTOMATIC, LEFT_OUT, TAKEN
 from .outfit import live, wardrobe
 from .transfer import TransferChoice, TransferOptions
@@ -172,7 +172,6 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
     item_search: StringProperty(
         name="Search", description="List only names with these letters", options={"TEXTEDIT_UPDATE"}
     )
-    item_page: IntProperty(name="Page", default=1, min=1, description="Which part of a long list is shown")
     open_details: BoolProperty(name="Details", description="Show what the matcher measured")
     open_notes: BoolProperty(name="Notes", description="Show what needs a look")
     open_lacking: BoolProperty(name="Lacking", description="Show what the source does not have")
@@ -255,6 +254,7 @@ CLASSES = (
     SPECTRAL_MATCH_PG_piece,
     SPECTRAL_MATCH_PG_landmark,
     SPECTRAL_MATCH_PG_skipped,
+    *item_lists.GROUPS,
     SPECTRAL_MATCH_PG_settings,
 )
 
@@ -262,6 +262,7 @@ CLASSES = (
 def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
+    bpy.types.WindowManager.spectral_match_lists = CollectionProperty(type=item_lists.SPECTRAL_MATCH_PG_list)
     bpy.types.Scene.spectral_match = PointerProperty(type=SPECTRAL_MATCH_PG_settings)
     bpy.types.Mesh.spectral_match = PointerProperty(type=SPECTRAL_MATCH_PG_stored_match)
     # On the object: a mesh that points to an object crashes Blender 5.0 when a script removes that object.
@@ -300,5 +301,6 @@ def unregister() -> None:
     del bpy.types.Object.spectral_match_source
     del bpy.types.Mesh.spectral_match
     del bpy.types.Scene.spectral_match
+    del bpy.types.WindowManager.spectral_match_lists
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

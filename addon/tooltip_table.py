@@ -217,7 +217,6 @@ TOOLTIPS = (
         "この文字を含む名前だけを表示します",
         "只列出含有这些字母的名称",
     ),
-    ("Which part of a long list is shown", "長いリストの表示する部分", "显示长列表的哪一部分"),
     ("Show what needs a look", "確認が必要な点を表示します", "显示需要查看之处"),
     (
         "Move all matched meshes to their places on the source: 0 is the target's own shape, 1 the source's",

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import bpy
 from bpy.types import Panel
 
-from . import notice, pair, remedy, stored_match, wording
+from . import item_lists, notice, pair, remedy, stored_match, wording
 from .character import is_there
 from .drawing import BIG, MatchedSubPanel, draw_option, draw_words, fold
 from .operators.settings import draw_presets
@@ -19,9 +19,6 @@ from .typed import EnumItem, Settings
 
 if TYPE_CHECKING:
     from .transfer.kind import Kind
-
-# Items of a kind that are listed at a time.
-MOST_ITEMS = 10
 
 
 class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
@@ -126,36 +123,7 @@ def _draw_kind(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names
         options.use_property_decorate = False
         for name in kind.shown:
             draw_option(options, settings, name)
-    _draw_items(box.column(align=True), settings, kind, names)
+    item_lists.draw(box.column(align=True), settings, kind, names)
 
 
-def _draw_items(column: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequence[str]) -> None:
-    """The items of a kind with check boxes, a page at a time where they are many."""
-    if len(names) > 1:
-        tools = column.row(align=True)
-        tools.prop(settings, "item_search", text="", icon="VIEWZOOM")
-        for text, take in (("All", True), ("None", False)):
-            button = tools.operator("spectral_match.choose_items", text=text)
-            button.kind, button.take = kind.identifier, take
-    wanted = settings.found(names)
-    pages = -(-len(wanted) // MOST_ITEMS)
-    page = min(settings.item_page, max(pages, 1))
-    if pages > 1:
-        column.prop(settings, "item_page", text=said("Page of {}", pages))
-    for name in wanted[(page - 1) * MOST_ITEMS : page * MOST_ITEMS]:
-        skipped = settings.skips(kind.identifier, name)
-        line = column.row()
-        line.alignment = "LEFT"
-        button = line.operator(
-            "spectral_match.toggle_item",
-            text=name,
-            translate=False,
-            icon="CHECKBOX_DEHLT" if skipped else "CHECKBOX_HLT",
-            emboss=False,
-        )
-        button.item = f"{kind.identifier}/{name}"
-    if not wanted:
-        column.label(text="No name with these letters")
-
-
-CLASSES = (VIEW3D_PT_spectral_match_transfer,)
+CLASSES = (*item_lists.CLASSES, VIEW3D_PT_spectral_match_transfer)

@@ -42,6 +42,7 @@ TOLD = (
     "locked vertex groups of",
     "were split along seams",
     "were baked into a new UV map",
+    "and look alike there",
     "each of them got images of its own",
     "Weights of other bones gave way",
     "and were left out",

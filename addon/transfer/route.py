@@ -39,7 +39,8 @@ class Route:
     the source, in whose triangles the map leads; `faces` are the target's
     faces as the core takes them: first corners and vertices of corners. `wanted` names what is carried, by
     kind, `sides` how these names are written on the target, `uv_names` under which its UV maps come,
-    `unwrapped` is the UV map that was made to bake into, if one was, and `prepared` is what is ready of it.
+    `unwrapped` is the UV map that was made to bake into, if one was, `looks_right` whether textures were
+    looked at in the one that is there, and `prepared` is what is ready of it.
     """
 
     def __init__(self, target: bpy.types.Object, view: View) -> None:
@@ -50,7 +51,7 @@ class Route:
         self.wanted: dict[str, list[str]] = {}
         self.sides = Sides()
         self.uv_names: dict[str, str] = {}
-        self.unwrapped = ""
+        self.unwrapped, self.looks_right = "", False
         self.prepared: list[Prepared] = []
         self.triangle_corners, self.triangle_faces = view.triangle_corners, view.triangle_faces
         self.triangles = mesh_read.corner_vertices(self.body.data)[self.triangle_corners]

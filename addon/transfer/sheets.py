@@ -61,7 +61,7 @@ def sheets(route: Route, uv: str, used: Flags) -> tuple[Sheets, list[str]]:
     parts = [_overlap(route, uv, used & (shown == number)) for number in slots]
     if len(slots) < 2 or max(parts) > APART * overlap:
         whole = replace(whole, overlap=overlap)
-        return whole, [_shared(target, uv, overlap)]
+        return whole, [_shared(route, uv, overlap)]
     names = tuple(_name_of(target, number) for number in slots.tolist())
     # Faces that show nothing baked go with the first part.
     number = np.where(np.isin(slot, slots), np.searchsorted(slots, slot), 0)
@@ -70,7 +70,7 @@ def sheets(route: Route, uv: str, used: Flags) -> tuple[Sheets, list[str]]:
         f"Materials of '{target.name}' overlap in UV map '{uv}': each of them got images of its own "
         f"({listed(names)})"
     ]
-    return apart, notes + ([_shared(target, uv, max(parts))] if max(parts) > OVERLAP else [])
+    return apart, notes + ([_shared(route, uv, max(parts))] if max(parts) > OVERLAP else [])
 
 
 def overlaps(mesh: bpy.types.Mesh, uv: str) -> bool:
@@ -108,10 +108,13 @@ def _overlap(route: Route, uv: str, used: Flags) -> float:
     return core.load().judge_layout(route.target_points[route.target_triangles][used], places)["overlap"]
 
 
-def _shared(target: bpy.types.Object, uv: str, overlap: float) -> str:
+def _shared(route: Route, uv: str, overlap: float) -> str:
+    name = route.target.name
+    if route.looks_right:
+        return f"Parts of '{name}' share {overlap:.0%} of UV map '{uv}', and look alike there"
     return (
-        f"UV map '{uv}' of '{target.name}' overlaps: {overlap:.0%} of it is used more than once, and shows "
-        "the same texels there. That is right for halves that look alike. If others look wrong, unwrap anew"
+        f"UV map '{uv}' of '{name}' overlaps: {overlap:.0%} of it is used more than once, and shows the same "
+        "texels there. That is right for halves that look alike. If others look wrong, unwrap anew"
     )
 
 

@@ -93,7 +93,10 @@ def _reason(route: Route, textures: Sequence[str], options: Options) -> str | No
     except UnusableObjectError:
         # Baking meets it again, and says it.
         return None
-    return f"In '{name}', {share:.0%} of it would show what belongs elsewhere" if share > WRONG else None
+    route.looks_right = share <= WRONG
+    if route.looks_right:
+        return None
+    return f"In '{name}', {share:.0%} of it would show what belongs elsewhere"
 
 
 def _wrong(route: Route, uv: str, textures: Sequence[str]) -> float:

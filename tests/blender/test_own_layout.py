@@ -9,7 +9,7 @@ from test_textures import FINER, SAME, Body, shown
 from test_transfer import store_identity, transfer
 from test_transfer_kinds import photo
 
-from addon import notice, remedy
+from addon import notice, remedy, wording
 from addon.mesh_write import read_attribute
 from addon.transfer import unwrapping, uv_maps
 from addon.transfer.layouts import MOST_UV_MAPS, own_maps, read_uv
@@ -257,7 +257,8 @@ def test_halves_that_look_alike_keep_their_layout(body):
     assert body.target.data.uv_layers.keys() == ["Own"] and body.baked() != [body.image]
     assert body.likeness() > FINER
     np.testing.assert_allclose(read_uv(body.target.data, "Own"), own, atol=1e-6)
-    assert "UV map 'Own' of 'Target' overlaps: 100% of it" in notice.words
+    assert notice.words == "Parts of 'Target' share 100% of UV map 'Own', and look alike there"
+    assert wording.notes_in_order([notice.words]) == ([], [notice.words])
 
 
 def test_halves_that_differ_do_not(body):

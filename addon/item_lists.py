@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What a source has of each kind as lists that Blender scrolls.
+
+A panel may change nothing while it is drawn: what it wants listed is noted, and is in the lists when it is
+drawn next. They belong to the window manager, so that undo and files know nothing of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import bpy
+from bpy.props import CollectionProperty, IntProperty
+from bpy.types import PropertyGroup, UIList
+
+from .typed import Settings
+
+if TYPE_CHECKING:
+    from .transfer.kind import Kind
+
+# Rows that are shown at a time, unless the artist draws the list longer.
+MOST_ROWS = 10
+# Names by kind that a panel wanted listed when it was drawn.
+_wanted: dict[str, tuple[str, ...]] = {}
+
+
+class SPECTRAL_MATCH_PG_listed(PropertyGroup):
+    """Something of the source; `name` is the one that it has there."""
+
+
+class SPECTRAL_MATCH_PG_list(PropertyGroup):
+    """What the source has of the kind that `name` identifies, and which line is active."""
+
+    entries: CollectionProperty(type=SPECTRAL_MATCH_PG_listed)
+    line: IntProperty(name="Item")
+
+
+class VIEW3D_UL_spectral_match_items(UIList):
+    """Items of a kind with check boxes, of which the panel's search leaves some."""
+
+    def draw_item(
+        self,
+        context: bpy.types.Context,
+        layout: bpy.types.UILayout,
+        data: Any,
+        item: Any,
+        _icon: int,
+        _active_data: Any,
+        _active_property: str,
+    ) -> None:
+        skipped = context.scene.spectral_match.skips(data.name, item.name)
+        row = layout.row()
+        row.alignment = "LEFT"
+        button = row.operator(
+            "spectral_match.toggle_item",
+            text=item.name,
+            translate=False,
+            icon="CHECKBOX_DEHLT" if skipped else "CHECKBOX_HLT",
+            emboss=False,
+        )
+        button.item = f"{data.name}/{item.name}"
+
+    def draw_filter(self, _context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
+        row = layout.row(align=True)
+        row.prop(self, "use_filter_sort_alpha", text="Sort by Name", toggle=True)
+        row.prop(self, "use_filter_sort_reverse", text="", icon="SORT_DESC")
+
+    def filter_items(
+        self, context: bpy.types.Context, data: Any, property: str
+    ) -> tuple[list[int], list[int]]:
+        entries = getattr(data, property)
+        names = [entry.name for entry in entries]
+        found = set(context.scene.spectral_match.found(names))
+        flags = [self.bitflag_filter_item if name in found else 0 for name in names]
+        sort = bpy.types.UI_UL_list.sort_items_by_name
+        return flags, sort(entries) if self.use_filter_sort_alpha else []
+
+
+def draw(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequence[str]) -> None:
+    """The items of a kind; where they are many in a box that scrolls, with a search."""
+    if len(names) > 1:
+        tools = layout.row(align=True)
+        tools.prop(settings, "item_search", text="", icon="VIEWZOOM")
+        for text, take in (("All", True), ("None", False)):
+            button = tools.operator("spectral_match.choose_items", text=text)
+            button.kind, button.take = kind.identifier, take
+    held = bpy.context.window_manager.spectral_match_lists.get(kind.identifier)
+    if held is None or [entry.name for entry in held.entries] != list(names):
+        _want(kind, names)
+    if not settings.found(names):
+        layout.label(text="No name with these letters")
+    elif held is not None:
+        rows = min(len(names), MOST_ROWS)
+        layout.template_list(
+            VIEW3D_UL_spectral_match_items.__name__, kind.identifier, held, "entries", held, "line", rows=rows
+        )
+
+
+def _want(kind: Kind, names: Sequence[str]) -> None:
+    _wanted[kind.identifier] = tuple(names)
+    if not bpy.app.timers.is_registered(bring_up_to_date):
+        bpy.app.timers.register(bring_up_to_date, first_interval=0.0)
+
+
+def bring_up_to_date() -> None:
+    """Have the lists as panels wanted them, and the sidebars drawn with them."""
+    manager = bpy.context.window_manager
+    lists = manager.spectral_match_lists
+    for kind, names in _wanted.items():
+        held = lists.get(kind)
+        if held is None:
+            held = lists.add()
+            held.name = kind
+        held.entries.clear()
+        for name in names:
+            held.entries.add().name = name
+        held.line = min(held.line, max(len(names) - 1, 0))
+    _wanted.clear()
+    for window in manager.windows:
+        for area in window.screen.areas:
+            if area.type == "VIEW_3D":
+                area.tag_redraw()
+
+
+def forget() -> None:
+    """Nothing is wanted any more."""
+    _wanted.clear()
+    if bpy.app.timers.is_registered(bring_up_to_date):
+        bpy.app.timers.unregister(bring_up_to_date)
+
+
+# Groups of properties first: the lists are made of them.
+GROUPS = (SPECTRAL_MATCH_PG_listed, SPECTRAL_MATCH_PG_list)
+CLASSES = (VIEW3D_UL_spectral_match_items,)

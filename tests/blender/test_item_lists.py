@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""Lists of groups, keys and the like: what they show, and that drawing them changes nothing."""
+
+from types import SimpleNamespace
+
+import bpy
+import pytest
+from conftest import lumpy, new_object
+from test_after_transfer import GROUPS
+
+from addon import item_lists, transfer_panel
+from addon.transfer import KINDS
+
+KIND = next(kind for kind in KINDS if kind.identifier == "groups")
+FOUND = 1 << 30
+
+
+class Layout:
+    """Notes which lists are drawn, and lets all else be drawn too."""
+
+    def __init__(self, lists):
+        self._lists = lists
+
+    def template_list(self, name, identifier, data, entries, *_rest, rows):
+        self._lists.append((identifier, [entry.name for entry in getattr(data, entries)], rows))
+
+    def __getattr__(self, name):
+        return lambda *_given, **_more: Layout(self._lists)
+
+
+@pytest.fixture
+def source(scene):
+    source = new_object("Source", *lumpy(3))
+    for name in GROUPS:
+        source.vertex_groups.new(name=name)
+    scene.spectral_match.open_groups = True
+    yield source
+    item_lists.forget()
+    bpy.context.window_manager.spectral_match_lists.clear()
+
+
+def drawn(source):
+    lists = []
+    transfer_panel.draw_kinds(Layout(lists), bpy.context.scene.spectral_match, [source])
+    return lists
+
+
+def test_lists_follow_the_source_and_drawing_changes_nothing(source):
+    lists = bpy.context.window_manager.spectral_match_lists
+    for names in (GROUPS, GROUPS[:3]):
+        while len(source.vertex_groups) > len(names):
+            source.vertex_groups.remove(source.vertex_groups[len(names)])
+        before = [(each.name, [entry.name for entry in each.entries]) for each in lists]
+        drawn(source)
+        assert [(each.name, [entry.name for entry in each.entries]) for each in lists] == before
+        assert bpy.app.timers.is_registered(item_lists.bring_up_to_date)
+        item_lists.bring_up_to_date()
+        item_lists.forget()
+        assert drawn(source) == [("groups", names, min(len(names), item_lists.MOST_ROWS))]
+        # What is up to date is left alone.
+        assert not bpy.app.timers.is_registered(item_lists.bring_up_to_date)
+
+
+def test_a_list_shows_what_the_search_finds(source, scene):
+    drawn(source)
+    item_lists.bring_up_to_date()
+    (held,) = bpy.context.window_manager.spectral_match_lists
+    shown = SimpleNamespace(bitflag_filter_item=FOUND, use_filter_sort_alpha=False)
+    for letters in ("", "BONE 1", "nowhere"):
+        scene.spectral_match.item_search = letters
+        flags, order = item_lists.VIEW3D_UL_spectral_match_items.filter_items(
+            shown, bpy.context, held, "entries"
+        )
+        found = [name for name, flag in zip(GROUPS, flags, strict=True) if flag == FOUND]
+        assert found == [name for name in GROUPS if letters.lower() in name.lower()] and not order
+    assert not drawn(source)
+    shown.use_filter_sort_alpha = True
+    scene.spectral_match.item_search = ""
+    _, order = item_lists.VIEW3D_UL_spectral_match_items.filter_items(shown, bpy.context, held, "entries")
+    by_name = sorted(GROUPS, key=str.lower)
+    assert [by_name.index(name) for name in GROUPS] == list(order)
