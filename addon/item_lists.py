@@ -49,17 +49,7 @@ class VIEW3D_UL_spectral_match_items(UIList):
         _active_data: Any,
         _active_property: str,
     ) -> None:
-        skipped = context.scene.spectral_match.skips(data.name, item.name)
-        row = layout.row()
-        row.alignment = "LEFT"
-        button = row.operator(
-            "spectral_match.toggle_item",
-            text=item.name,
-            translate=False,
-            icon="CHECKBOX_DEHLT" if skipped else "CHECKBOX_HLT",
-            emboss=False,
-        )
-        button.item = f"{data.name}/{item.name}"
+        _draw_item(layout, context.scene.spectral_match, data.name, item.name)
 
     def draw_filter(self, _context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
         row = layout.row(align=True)
@@ -78,13 +68,15 @@ class VIEW3D_UL_spectral_match_items(UIList):
 
 
 def draw(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequence[str]) -> None:
-    """The items of a kind; where they are many in a box that scrolls, with a search."""
-    if len(names) > 1:
-        tools = layout.row(align=True)
-        tools.prop(settings, "item_search", text="", icon="VIEWZOOM")
-        for text, take in (("All", True), ("None", False)):
-            button = tools.operator("spectral_match.choose_items", text=text)
-            button.kind, button.take = kind.identifier, take
+    """The items of a kind; where there are several in a box that scrolls, with a search."""
+    if len(names) == 1:
+        _draw_item(layout, settings, kind.identifier, names[0])
+        return
+    tools = layout.row(align=True)
+    tools.prop(settings, "item_search", text="", icon="VIEWZOOM")
+    for text, take in (("All", True), ("None", False)):
+        button = tools.operator("spectral_match.choose_items", text=text)
+        button.kind, button.take = kind.identifier, take
     held = bpy.context.window_manager.spectral_match_lists.get(kind.identifier)
     if held is None or [entry.name for entry in held.entries] != list(names):
         _want(kind, names)
@@ -95,6 +87,19 @@ def draw(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequ
         layout.template_list(
             VIEW3D_UL_spectral_match_items.__name__, kind.identifier, held, "entries", held, "line", rows=rows
         )
+
+
+def _draw_item(layout: bpy.types.UILayout, settings: Settings, kind: str, name: str) -> None:
+    row = layout.row()
+    row.alignment = "LEFT"
+    button = row.operator(
+        "spectral_match.toggle_item",
+        text=name,
+        translate=False,
+        icon="CHECKBOX_DEHLT" if settings.skips(kind, name) else "CHECKBOX_HLT",
+        emboss=False,
+    )
+    button.item = f"{kind}/{name}"
 
 
 def _want(kind: Kind, names: Sequence[str]) -> None:

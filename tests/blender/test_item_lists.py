@@ -61,6 +61,12 @@ def test_lists_follow_the_source_and_drawing_changes_nothing(source):
         assert not bpy.app.timers.is_registered(item_lists.bring_up_to_date)
 
 
+def test_one_item_needs_no_list(source):
+    for name in GROUPS[1:]:
+        source.vertex_groups.remove(source.vertex_groups[name])
+    assert not drawn(source) and not bpy.app.timers.is_registered(item_lists.bring_up_to_date)
+
+
 def test_a_list_shows_what_the_search_finds(source, scene):
     drawn(source)
     item_lists.bring_up_to_date()

@@ -40,7 +40,7 @@ def texts_of(call):
     for word in call.keywords:
         if word.arg == "text" or (word.arg == "name" and name.endswith("Property")):
             yield constant(word.value)
-        if word.arg == "items" and isinstance(word.value, ast.Tuple):
+        if word.arg == "items" and isinstance(word.value, ast.Tuple | ast.List):
             yield from (constant(item.elts[1]) for item in word.value.elts if isinstance(item, ast.Tuple))
     places = {"Kind": (1,), "said": (0,), "draw_words": (2,), "fold": (3,)}.get(name, ())
     yield from (constant(call.args[place]) for place in places if place < len(call.args))
@@ -122,7 +122,7 @@ def tips_of(call):
     for word in call.keywords:
         if word.arg == "description" and name.endswith("Property"):
             yield constant(word.value)
-        if word.arg == "items" and isinstance(word.value, ast.Tuple):
+        if word.arg == "items" and isinstance(word.value, ast.Tuple | ast.List):
             yield from (constant(item.elts[2]) for item in word.value.elts if isinstance(item, ast.Tuple))
     if name == "Kind" and len(call.args) > 3:
         yield constant(call.args[3])
