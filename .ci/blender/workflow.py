@@ -350,6 +350,7 @@ def steps():
     yield from window.until(lambda: len(settings.landmarks) == 1, "the removal")
     yield from window.open_panel("spectral_match.lines", "spectral_match.transfer()")
 
+    yield from lists()
     yield from window.press("spectral_match.transfer()")
     yield from window.until(lambda: len(troll().vertex_groups) == 3, "the transfer")
     assert len(troll().data.uv_layers) == 1
@@ -449,6 +450,20 @@ def fine_copy(obj):
     for attribute in [a.name for a in fine.data.attributes if a.name.startswith("match_")]:
         fine.data.attributes.remove(fine.data.attributes[attribute])
     return fine
+
+
+def lists():
+    """`yield from`: a list of groups comes when it is opened, and its lines are check boxes."""
+    settings = bpy.context.scene.spectral_match
+    settings.open_groups = True
+    held = bpy.context.window_manager.spectral_match_lists
+    yield from window.until(lambda: "groups" in held and len(held["groups"].entries) == 3, "the list")
+    name = held["groups"].entries[0].name
+    for skipped in (True, False):
+        yield from window.press(f'toggle_item(item="groups/{name}")', 0.15)
+        yield from window.until(lambda s=skipped: settings.skips("groups", name) == s, "the check box")
+    yield from window.shot("15_list")
+    settings.open_groups = False
 
 
 def adjust(target, done, what):
