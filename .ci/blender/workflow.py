@@ -456,6 +456,7 @@ def lists():
     """`yield from`: a list of groups comes when it is opened, and its lines are check boxes."""
     settings = bpy.context.scene.spectral_match
     settings.open_groups = True
+    yield from window.redrawn()
     held = bpy.context.window_manager.spectral_match_lists
     yield from window.until(lambda: "groups" in held and len(held["groups"].entries) == 3, "the list")
     name = held["groups"].entries[0].name
