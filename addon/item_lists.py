@@ -72,10 +72,12 @@ def draw(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequ
     if len(names) == 1:
         _draw_item(layout, settings, kind.identifier, names[0])
         return
-    tools = layout.row(align=True)
+    # A row would give the search a third, in which a word has no room.
+    tools = layout.split(factor=0.55, align=True)
     tools.prop(settings, "item_search", text="", icon="VIEWZOOM")
+    both = tools.row(align=True)
     for text, take in (("All", True), ("None", False)):
-        button = tools.operator("spectral_match.choose_items", text=text)
+        button = both.operator("spectral_match.choose_items", text=text)
         button.kind, button.take = kind.identifier, take
     held = bpy.context.window_manager.spectral_match_lists.get(kind.identifier)
     if held is None or [entry.name for entry in held.entries] != list(names):
