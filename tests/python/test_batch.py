@@ -540,6 +540,15 @@ def test_an_open_scheduler_of_another_machine_is_refused(address, is_refused):
         check_address(address, insecure=False)
 
 
+@pytest.mark.parametrize("address", ["", "  ", "tls://", "tcp://"])
+def test_no_address_is_no_scheduler(address):
+    from sgmds.batch.scheduler import check_address
+
+    for insecure in (True, False):
+        with pytest.raises(sgmds.ArgumentError, match=r"like tls://HOST:8786, got '"):
+            check_address(address, insecure)
+
+
 def test_an_open_scheduler_is_refused_before_any_work(meshes, cache, tmp_path, capsys):
     path = everyone(meshes, tmp_path)
     assert main(["batch", str(path), "--scheduler", "tcp://10.0.0.7:8786", "--cache", str(cache)]) == 1

@@ -3,6 +3,7 @@
 import json
 import re
 import shutil
+import warnings
 from types import SimpleNamespace
 
 import numpy as np
@@ -125,6 +126,22 @@ def test_matcher_is_measured_and_written(folder, tmp_path):
     assert result.as_json()["sets"]["BODIES"]["summary"]["right"] == 1
     result.plot(tmp_path / "curves.svg")
     assert (tmp_path / "curves.svg").read_text().startswith("<?xml")
+
+
+def test_names_in_pictures_are_as_they_are_written(folder, tmp_path):
+    """No formula, which \\frac alone is not, no curve left out, no end of a line, no warning."""
+    root = tmp_path / "one $\\frac$ two"
+    shutil.copytree(folder, root)
+    for name in ("_kept", "by $x_{$\nhand", "手"):
+        shutil.copytree(root / "maps" / "TRUE", root / "maps" / name)
+    result = evaluate(root, method="saved:TRUE", compare=True)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        result.plot(tmp_path / "curves.svg")
+    drawn = (tmp_path / "curves.svg").read_text()
+    # Beside its outlines each text stands in a comment.
+    for text in (r"one $\frac$ two, 1 pairs", "_kept", "by $x_{$ hand", "手"):
+        assert f"<!-- {text} -->" in drawn
 
 
 def test_errors_are_told(folder, tmp_path):

@@ -32,6 +32,7 @@ from zlib import crc32
 
 import numpy as np
 
+from . import pictures
 from .files import mesh_format, mesh_name, read_mesh
 from .matching import METHODS, check_method, listed
 from .shape import METRICS, check_choice, checked_count, checked_number, checked_threads
@@ -573,19 +574,19 @@ class Evaluation:
         figure = Figure(figsize=(5.2 * len(self.sets), 4.4), layout="constrained")
         panels = figure.subplots(1, len(self.sets), squeeze=False)[0]
         for panel, s in zip(panels, self.sets, strict=True):
+            curves = []
             for i, (name, curve) in enumerate(s.curves().items()):
                 style = {"color": "#d1495b", "linewidth": 2.4} if i == 0 else {"linewidth": 1.3}
-                label = f"sgmds {name}" if i == 0 else name
-                panel.plot(CURVE_THRESHOLDS, 100 * curve, label=label, **style)
-            panel.set_title(f"{s.name}, {len(s.pairs)} pairs")
+                (line,) = panel.plot(CURVE_THRESHOLDS, 100 * curve, **style)
+                curves.append((line, f"sgmds {name}" if i == 0 else name))
+            pictures.caption(panel, f"{s.name}, {len(s.pairs)} pairs")
             panel.set_xlabel("geodesic error / √area")
             panel.set_xlim(0, CURVE_THRESHOLDS[-1])
             panel.set_ylim(0, 100)
             panel.grid(alpha=0.25)
-            panel.legend(loc="lower right", frameon=False)
+            pictures.legend(panel, curves)
         panels[0].set_ylabel("% of correspondences within")
-        with whole_file(path, binary=True) as file:
-            figure.savefig(file, format=Path(path).suffix[1:], dpi=160)
+        pictures.save(figure, path, dpi=160)
 
 
 def _mean(values) -> float:

@@ -12,11 +12,11 @@ import time
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from . import pictures
 from .evaluation import (
     CURVE_THRESHOLDS,
     RIGHT_BELOW,
@@ -28,7 +28,6 @@ from .evaluation import (
     pair_errors,
 )
 from .matching import METHODS, PARTS
-from .whole_file import whole_file
 
 NOISE = (0.0, 0.1, 0.2, 0.4, 0.8)
 """Standard deviations of the noise along the normals, in mean edge lengths."""
@@ -75,16 +74,19 @@ def _plot_curves(results, path):
     figure = Figure(figsize=(5.4 * len(results), 4.4), layout="constrained")
     panels = figure.subplots(1, len(results), squeeze=False)[0]
     for panel, (name, methods) in zip(panels, results.items(), strict=True):
+        curves = []
         for i, (method, found) in enumerate(methods.items()):
-            panel.plot(CURVE_THRESHOLDS, 100 * np.array(found["best_curve"]), color=f"C{i}", label=method)
+            (line,) = panel.plot(CURVE_THRESHOLDS, 100 * np.array(found["best_curve"]), color=f"C{i}")
+            curves.append((line, method))
             panel.plot(CURVE_THRESHOLDS, 100 * np.array(found["direct_curve"]), color=f"C{i}", ls=":")
-        panel.plot([], [], color="grey", ls=":", label="mirrored maps count as wrong")
-        panel.set(title=name, xlabel="geodesic error / √area", xlim=(0, CURVE_THRESHOLDS[-1]), ylim=(0, 100))
+        (dotted,) = panel.plot([], [], color="grey", ls=":")
+        curves.append((dotted, "mirrored maps count as wrong"))
+        pictures.caption(panel, name)
+        panel.set(xlabel="geodesic error / √area", xlim=(0, CURVE_THRESHOLDS[-1]), ylim=(0, 100))
         panel.grid(alpha=0.25)
-        panel.legend(loc="lower right", frameon=False)
+        pictures.legend(panel, curves)
     panels[0].set_ylabel("% of correspondences within")
-    with whole_file(path, binary=True) as file:
-        figure.savefig(file, format=Path(path).suffix[1:])
+    pictures.save(figure, path)
 
 
 def with_noise(vertices, faces, deviation: float, seed: int = 0) -> np.ndarray:

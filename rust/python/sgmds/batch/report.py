@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import csv
 import json
-import warnings
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
+from .. import pictures
 from ..errors import in_one_line
 from ..whole_file import begins_with, whole_file
 from .manifest import Batch
@@ -133,7 +133,4 @@ def _picture(path, matrices, sources, targets):
             axes.set_xticks(range(len(targets)), map(in_one_line, targets), rotation=90, **look)
             axes.set_yticks(range(len(sources)), map(in_one_line, sources), **look)
         figure.colorbar(image, ax=axes, shrink=0.8)
-    with whole_file(path, binary=True) as file, warnings.catch_warnings():
-        # Letters that its font lacks are drawn as boxes; the tables have them.
-        warnings.filterwarnings("ignore", "Glyph .* missing")
-        figure.savefig(file, format="png", dpi=120, metadata={"Software": None})
+    pictures.save(figure, path, dpi=120, metadata={"Software": None})

@@ -22,7 +22,7 @@ WINDOW = 8
 
 
 def check_address(address: str, insecure: bool) -> None:
-    """Raises `ArgumentError` for a scheduler that is asked over a network in the clear, unless `insecure`.
+    """Raises `ArgumentError` for no address, and for one in the clear of another machine, unless `insecure`.
 
     Tasks and results of dask are pickles: whoever can send to a scheduler, a worker or a client runs programs
     there.
@@ -30,6 +30,8 @@ def check_address(address: str, insecure: bool) -> None:
     protocol, separator, place = address.partition("://")
     if not separator:
         protocol, place = "tcp", address
+    if not place.strip():
+        raise ArgumentError(f"a scheduler's address is like tls://HOST:8786, got {address!r}")
     if insecure or protocol in ENCRYPTED or protocol == "inproc":
         return
     host = place.rpartition(":")[0] if place.rpartition(":")[2].isdecimal() else place
