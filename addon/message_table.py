@@ -1082,15 +1082,15 @@ MESSAGES = (
     ),
     (
         "the source looks the same when it is turned about an axis: which way round it goes cannot be "
-        "told, set landmarks",
-        "転送元はある軸で回しても同じ形です: 向きが決まらないため、ランドマークを設定",
-        "来源绕某轴旋转后形状不变:无法判断朝向,请设置标志点",
+        "told, set two landmarks a quarter turn apart",
+        "転送元はある軸で回しても同じ形です: 向きが決まらないため、1/4 回転離れた 2 か所にランドマークを設定",
+        "来源绕某轴旋转后形状不变:无法判断朝向,请在相隔四分之一圈的两处设置标志点",
     ),
     (
         "the target looks the same when it is turned about an axis: which way round it goes cannot be "
-        "told, set landmarks",
-        "転送先はある軸で回しても同じ形です: 向きが決まらないため、ランドマークを設定",
-        "目标绕某轴旋转后形状不变:无法判断朝向,请设置标志点",
+        "told, set two landmarks a quarter turn apart",
+        "転送先はある軸で回しても同じ形です: 向きが決まらないため、1/4 回転離れた 2 か所にランドマークを設定",
+        "目标绕某轴旋转后形状不变:无法判断朝向,请在相隔四分之一圈的两处设置标志点",
     ),
     (
         "the source's {} pieces were matched as one figure",

@@ -53,7 +53,7 @@ TABLE = (
     (r"[Mm]atch again", AGAIN),
     (r"mirror image of the other", MIRRORED),
     (r"left and right are hard to tell apart", SIDES),
-    (r"cannot be told, set landmarks|[Aa]dd landmarks|the shapes differ, or one is a part", MARK),
+    (r"cannot be told, set two landmarks|[Aa]dd landmarks|the shapes differ, or one is a part", MARK),
     (r"no plausible map was found", MARK),
     (r"[Rr]emove the landmark under Fix", OUTDATED),
     (r"is on '(.*)', which is left out", TAKE),

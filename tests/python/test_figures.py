@@ -258,6 +258,24 @@ def test_what_a_half_turn_takes_onto_itself_is_said_and_never_green(name, radius
         assert any(role in r and "turned about an axis" in r for r in corr.quality.reasons), name
 
 
+def test_landmarks_tell_which_way_round_it_goes():
+    """A round bar, every turn of which is a map as good, until two places a quarter of a turn apart are known."""
+    around = 24
+    source, target, old = turned_solid(lambda a, z: 1.0, rings=12, around=around)
+    new = np.argsort(old)
+    # On the rings at a third and two thirds of the height; opposite each other through the centre in the second case.
+    first, apart, opposite = 4 * around, 7 * around + around // 4, 7 * around + around // 2
+    for second, is_told in ((apart, True), (opposite, False)):
+        corr = sgmds.match(source, target, landmarks=[(int(v), int(new[v])) for v in (first, second)])
+        said = [reason for reason in corr.quality.reasons if "turned about an axis" in reason]
+        assert len(said) == (0 if is_told else 2)
+        assert (corr.quality.grade == "green") == is_told
+        if is_told:
+            error = np.linalg.norm(images(corr, source) - source[0][old], axis=1)
+            # An edge around the bar is 0.26 long.
+            assert error.max() < 0.26
+
+
 def test_bodies_and_solids_with_a_mark_do_not_turn_onto_themselves(slender):
     """A bump on one blade of a propeller, and not in its middle, tells all turns apart."""
     bump = turned_solid(

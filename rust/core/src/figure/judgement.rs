@@ -1,8 +1,10 @@
 //! The grade of a map between figures: that of what was matched, for all that is seen.
 
 use super::{Figure, FigureMap};
-use crate::figure::settings::JUDGEMENT;
+use crate::algebra::vector::{self, Point};
+use crate::figure::settings::{JUDGEMENT, TURNING};
 use crate::matching::ranking::quality::{self, Grade};
+use crate::transfer::surface::blend;
 
 /// Grade and reasons of a map between figures.
 #[must_use]
@@ -24,6 +26,7 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
             100.0 * unknown
         ));
     }
+    let is_told = is_way_round_told(found, source, target);
     for (role, figure) in [("source", source), ("target", target)] {
         let vertices = figure.shape.given_mesh().vertices.len();
         if vertices < JUDGEMENT.fewest_sure {
@@ -32,11 +35,11 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
                 "the {role} has only {vertices} vertices: too few to be sure, look at it"
             ));
         }
-        if figure.turns_onto_itself() {
+        if figure.turns_onto_itself() && !is_told {
             grade = at_most_amber(grade);
             reasons.push(format!(
                 "the {role} looks the same when it is turned about an axis: which way round it goes cannot be told, \
-                 set landmarks"
+                 set two landmarks a quarter turn apart"
             ));
         }
         match figure.strays {
@@ -59,6 +62,44 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
     }
     reasons.extend(found.map.remarks.iter().cloned());
     (grade, reasons)
+}
+
+/// Whether landmarks tell which way round surfaces go that turn onto themselves, and the map goes by them: not at the landmarks
+/// alone, but around them too.
+fn is_way_round_told(found: &FigureMap, source: &Figure, target: &Figure) -> bool {
+    let landmarks = &found.landmarks;
+    source.are_off_every_axis(landmarks.iter().map(|&(s, _)| s))
+        && target.are_off_every_axis(landmarks.iter().map(|&(_, t)| t))
+        && landmarks.iter().all(|&(s, t)| {
+            let (own, images) = around(found, source, target, t);
+            let apart = |a, b, figure: &Figure| vector::distance(a, b) / figure.shape.unit;
+            // At a border the neighbours lie to one side.
+            let aside = apart(own, target.place(t), target);
+            apart(images, source.place(s), source) < aside + TURNING.slid
+        })
+}
+
+/// Mean place of the neighbours of a target vertex, and of their images.
+fn around(found: &FigureMap, source: &Figure, target: &Figure, vertex: u32) -> (Point, Point) {
+    let class = |v: u32| target.welded.class[v as usize];
+    let faces = target.faces.iter();
+    let at = faces.filter(|f| f.iter().any(|&v| class(v) == class(vertex)));
+    let others = at.flatten().filter(|&&v| class(v) != class(vertex));
+    let (mut count, mut own, mut images) = (0.0, [0.0; 3], [0.0; 3]);
+    for &v in others {
+        let corners = source.faces[found.map.faces[v as usize] as usize];
+        let image = blend(
+            corners.map(|c| source.place(c)),
+            found.map.barycentric[v as usize],
+        );
+        own = vector::add(own, target.place(v));
+        images = vector::add(images, image);
+        count += 1.0;
+    }
+    (
+        vector::scaled(own, 1.0 / count),
+        vector::scaled(images, 1.0 / count),
+    )
 }
 
 fn at_most_amber(grade: Grade) -> Grade {

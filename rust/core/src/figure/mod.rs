@@ -254,6 +254,19 @@ impl Figure {
         })
     }
 
+    /// Whether given vertices tell all turns of what is matched apart.
+    fn are_off_every_axis(&self, given: impl Iterator<Item = u32>) -> bool {
+        let mesh = self.shape.given_mesh();
+        let place = |v| mesh.input_vertex.binary_search(&self.matched_vertex(v));
+        let known = given.filter_map(|v| place(v).ok());
+        turning::are_off_every_axis(mesh, known.map(|v| mesh.vertices[v]))
+    }
+
+    /// Where a given vertex is, in given units.
+    fn place(&self, given: u32) -> Point {
+        self.welded.vertices[self.welded.class[given as usize] as usize]
+    }
+
     /// Number that a given vertex has in what is matched; the nearest one of an envelope.
     fn matched_vertex(&self, given: u32) -> u32 {
         let Some(&class) = self.welded.class.get(given as usize) else {
@@ -374,12 +387,13 @@ pub fn match_figures(
         let matched = |&(s, t): &_| (source.matched_vertex(s), target.matched_vertex(t));
         given.map(matched).collect()
     };
-    let options = Options {
+    let within = Options {
         landmarks,
         ..options.clone()
     };
-    let found = match_shapes(&source.shape, &target.shape, &options, progress, report)?;
-    FigureMap::pulled_back(found, source, target, by_copies, progress)
+    let found = match_shapes(&source.shape, &target.shape, &within, progress, report)?;
+    let given = options.landmarks.clone();
+    FigureMap::pulled_back(found, source, target, given, by_copies, progress)
 }
 
 /// Completes one of the other maps that were found between two figures.
@@ -404,7 +418,8 @@ pub fn completed(
         progress,
         report,
     )?;
-    FigureMap::pulled_back(map, source, target, false, progress)
+    let given = found.landmarks.clone();
+    FigureMap::pulled_back(map, source, target, given, false, progress)
 }
 
 fn largest(weights: [f64; 3]) -> usize {

@@ -26,6 +26,8 @@ pub struct FigureMap {
     pub unknown: f64,
     /// Whether the target is worn by the source and takes the nearest points.
     pub is_worn: bool,
+    /// Pairs (source vertex, target vertex) that the caller gave, in given numbering.
+    pub landmarks: Vec<(u32, u32)>,
 }
 
 /// A vertex of the target before small pieces are put onto their counterparts.
@@ -41,6 +43,7 @@ impl FigureMap {
         mut map: Correspondence,
         source: &Figure,
         target: &Figure,
+        landmarks: Vec<(u32, u32)>,
         by_copies: bool,
         progress: &Progress,
     ) -> Result<Self> {
@@ -51,6 +54,7 @@ impl FigureMap {
                 map,
                 unknown: 0.0,
                 is_worn: false,
+                landmarks,
             });
         }
         let mut placed = if source.is_wrapped() || target.is_wrapped() {
@@ -73,6 +77,7 @@ impl FigureMap {
             map,
             unknown,
             is_worn: false,
+            landmarks,
         })
     }
 }

@@ -45,6 +45,12 @@ settings! {
         quantile: f64 = 0.99,
         /// That quantile at most: the solids have 0.001, the people and animals at least 0.081, the game figures 0.032.
         nearly_all: f64 = 0.012,
+        /// Distance of landmarks from every axis, over √area, from which they tell turns apart: as much as an image may
+        /// be off before a map counts as wrong.
+        off: f64 = 0.06,
+        /// Distance of the images around a landmark from where it belongs, over √area, beyond which the map goes round
+        /// another way in between: half of that.
+        slid: f64 = 0.03,
     }
 
     /// From the map between what was matched to one between the given meshes, all pieces of them.

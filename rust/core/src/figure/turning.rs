@@ -51,6 +51,37 @@ pub(super) fn turns_onto_itself(mesh: &Mesh) -> bool {
             .any(|&axis| PARTS.iter().any(|part| is_same(axis, TAU / part)))
 }
 
+/// Whether no turn about an axis through the centroid leaves some points where they are, nearly.
+///
+/// A turn that takes a surface onto itself has such an axis, since it leaves the centroid alone. The root of the points'
+/// squared distances from the axis that lies nearest to them, ∑|p|² less the largest eigenvalue of ∑ p pᵀ, tells.
+pub(super) fn are_off_every_axis(mesh: &Mesh, points: impl Iterator<Item = Point>) -> bool {
+    let faces: Vec<[i64; 3]> = mesh.faces.iter().map(|f| f.map(i64::from)).collect();
+    let Ok(surface) = Surface::new(mesh.vertices.clone(), &faces) else {
+        return false;
+    };
+    let Some((centre, _)) = principal_axes(&surface) else {
+        return false;
+    };
+    off_every_axis(points.map(|p| vector::sub(p, centre))) > TURNING.off
+}
+
+/// Root of the sum of squared distances from the line through the origin that lies nearest to some points.
+fn off_every_axis(points: impl Iterator<Item = Point>) -> f64 {
+    let mut moments = [[0.0; 3]; 3];
+    for p in points {
+        for (row, x) in moments.iter_mut().zip(p) {
+            *row = vector::add(*row, vector::scaled(p, x));
+        }
+    }
+    let matrix = Mat::from_fn(3, 3, |i, j| moments[i][j]);
+    // Ascending.
+    match clearing_registers(|| matrix.self_adjoint_eigenvalues(Side::Lower)) {
+        Ok(found) => (found[0] + found[1]).max(0.0).sqrt(),
+        Err(_) => 0.0,
+    }
+}
+
 /// Centroid and principal axes of the area; nothing where there is none.
 fn principal_axes(surface: &Surface) -> Option<(Point, [Point; 3])> {
     let triangles = 0..surface.triangles.len() as u32;
@@ -128,6 +159,16 @@ mod tests {
             let largest = axis.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             assert!((largest - 1.0).abs() < 1e-12, "{axis:?}");
         }
+    }
+
+    #[test]
+    fn two_points_off_one_line_through_the_centre_tell_all_turns() {
+        let off = |points: &[Point]| off_every_axis(points.iter().copied());
+        assert!(off(&[]) == 0.0 && off(&[[1.0, 2.0, 3.0]]) < 1e-7);
+        // Opposite each other: half a turn about their line changes nothing.
+        assert!(off(&[[1.0, 2.0, 3.0], [-0.5, -1.0, -1.5]]) < 1e-7);
+        // A quarter of a turn apart: the line between them is a half of √2 from each.
+        assert!((off(&[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]) - 1.0).abs() < 1e-12);
     }
 
     #[test]

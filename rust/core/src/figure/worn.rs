@@ -50,6 +50,7 @@ pub(super) fn worn(
         map,
         unknown: 0.0,
         is_worn: true,
+        landmarks: Vec::new(),
     }))
 }
 
