@@ -1,13 +1,14 @@
-"""Writes the tables of docs/accuracy.md and docs/speed.md from what docs/results/*.json have recorded.
+"""Writes the tables of docs/accuracy.md, docs/speed.md and docs/reliability.md from docs/results/*.json.
 
     python .ci/tables.py
     python .ci/tables.py --check
     python .ci/tables.py --record OUT.json [--reverse] [--machine TEXT]
 
 With --check the exit status is 1 when a page and the results differ. --record takes over what
-`sgmds evaluate --json OUT.json` wrote (--reverse: of wholes against parts), `.ci/face_benchmark.py`, or
-`sgmds bench --json OUT.json` (--machine: on which either of these ran), with date and commit: the one that
-was measured has to be checked out. A table is between `<!-- table: NAME -->` and `<!-- end of table -->`.
+`sgmds evaluate --json OUT.json` wrote (--reverse: of wholes against parts), `.ci/face_benchmark.py` or
+`sgmds bench --json OUT.json` (--machine: on which either of these ran), `tests/reliability/corpus.py --json
+OUT.json`, or `tests/fuzz/campaign.py` in build/fuzz/figures.json, with date and commit: the one that was
+measured has to be checked out. A table is between `<!-- table: NAME -->` and `<!-- end of table -->`.
 """
 
 import argparse
@@ -23,9 +24,17 @@ from statistics import fmean, linear_regression, median
 ROOT = Path(__file__).resolve().parent.parent
 ACCURACY, SPEED = ROOT / "docs" / "results" / "accuracy.json", ROOT / "docs" / "results" / "speed.json"
 FACES = ROOT / "docs" / "results" / "faces.json"
+RELIABILITY = ROOT / "docs" / "results" / "reliability.json"
 SHOWN_KEYS = ("eye-left-closure", "mouth-corner-puller", "mouth-open")
 BLOCK = re.compile(r"(<!-- table: (.+?) -->\n)(.*?)(<!-- end of table -->)", re.DOTALL)
 NOTHING = "–"
+# As pages call the trials of tests/reliability/corpus.py and the targets of tests/fuzz/campaign.py.
+TRIALS = {"turned": "turned", "decimated": "half of the vertices", "other": "another"}
+TARGETS = {
+    "gz": "content of a gzipped OBJ",
+    "accessors": "accessors and nodes of a GLB",
+    "toml": "manifests in TOML",
+}
 # What exact distances say is quoted where it is recorded.
 DISTANCES = ("exact", "heat")
 SUMMARY = ("pairs", "direct", "median", "worst", "right", "mirrored", "broken")
@@ -123,6 +132,43 @@ def faces() -> str:
     head = ["pair", "vertices", "blink", "smile", "jaw open", "all keys", "95 %", "angle °", "lid gap closed"]
     note = f"{len(keys)} keys. Recorded on {where(data)}."
     return table([*head, "exchanged", "grade", "CPU time"], rows) + f"\n{note}\n"
+
+
+# --------------------------------------------------------------- reliability
+
+
+def corpus() -> str:
+    data, rows = read(RELIABILITY)["corpus"], []
+    for trial, own in data["trials"].items():
+        if trial == "other":
+            shown = [NOTHING, *(f"({count})" for count in own["without truth"].values())]
+        else:
+            by_grade = ", ".join(f"{count} {grade}" for grade, count in own["right"].items() if count)
+            shown = [f"{sum(own['right'].values())} ({by_grade})", *map(str, own["wrong"].values())]
+        ends = [str(own[end]) for end in ("refused", "ended badly", "beyond a limit")]
+        rows.append([TRIALS[trial], str(own["files"]), *shown, *ends])
+    head = ["trial", "files", "right", "wrong: green", "amber", "red", "refused", "panic, crash"]
+    least, most = data["vertices"]
+    memory = data["a large vertex"]["kB"]
+    note = (
+        f"Those matched have {least:,} to {most:,} vertices. The longest match took {data['most seconds']:.0f} s "
+        f"of one processor, the largest {data['most megabytes']:.0f} MB beside what importing takes; from 5,000 "
+        f"vertices on a vertex takes {memory['median']:.0f} kB in the median, {memory['most']:.0f} at most.\n"
+        f"Recorded on {data['date']} at `{data['commit']}`."
+    )
+    return table([*head, "beyond a limit"], rows) + f"\n{note}\n"
+
+
+def fuzzing() -> str:
+    rows = []
+    for target, own in read(RELIABILITY)["fuzzing"].items():
+        reached = f"{own['reached']:,}, from {own['first']:,}"
+        found = str(own["findings"] or "nothing")
+        recorded = f"{own['date']}, `{own['commit']}`"
+        rows.append(
+            [TARGETS[target], f"{own['seconds']:,.0f} s", f"{own['inputs']:,}", reached, found, recorded]
+        )
+    return table(["target", "processor time", "inputs", "edges reached", "findings", "recorded"], rows)
 
 
 # --------------------------------------------------------------------- speed
@@ -261,7 +307,7 @@ def tables() -> dict[str, str]:
     made = {f"one thread {p['vertices']}": one_thread(data, p["vertices"]) for p in data["one_thread"]}
     for make in (sizes, stages, peers, kernels, spread, goals):
         made[make.__name__] = make(data)
-    return made | {"accuracy": accuracy(), "faces": faces()}
+    return made | {make.__name__: make() for make in (accuracy, faces, corpus, fuzzing)}
 
 
 # ----------------------------------------------------------------- recording
@@ -273,7 +319,13 @@ def record(path: Path, reverse: bool, machine: str | None) -> None:
     commit = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()
     when = {"commit": commit, "date": datetime.date.today().isoformat()}
     new = json.loads(path.read_text(encoding="utf-8"))
-    if "faces" in new:
+    if "corpus" in new:
+        recorded, known = RELIABILITY, read(RELIABILITY)
+        known["corpus"] = when | new["corpus"]
+    elif isinstance(new, dict) and new.keys() & TARGETS.keys():
+        recorded, known = RELIABILITY, read(RELIABILITY)
+        known["fuzzing"] |= {name: when | new[name] for name in TARGETS if name in new}
+    elif "faces" in new:
         recorded = FACES
         known = when | {
             "machine": machine or sys.exit("--machine says on what it ran"),
@@ -307,7 +359,7 @@ def main() -> int:
     if options.record:
         record(options.record, options.reverse, options.machine)
     made, stale = tables(), []
-    for page in (ROOT / "docs" / "accuracy.md", ROOT / "docs" / "speed.md"):
+    for page in (ROOT / "docs" / f"{name}.md" for name in ("accuracy", "speed", "reliability")):
         text = page.read_text(encoding="utf-8")
         new = BLOCK.sub(lambda found: f"{found[1]}\n{made[found[2]]}\n{found[4]}", text)
         if new != text:

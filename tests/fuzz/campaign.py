@@ -54,6 +54,7 @@ def slice_of(target, figures):
     )
     figures.setdefault("first", reached[0])
     figures["reached"] = max([figures.get("reached", 0), *reached])
+    figures["findings"] = figures.get("findings", 0) + (done.returncode != 0)
     if done.returncode:
         FIGURES.with_name(f"{target}.log").write_text(done.stdout)
     return done.returncode != 0

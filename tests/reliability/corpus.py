@@ -162,46 +162,80 @@ def measured(trial, seed, path, other, options):
     return record | json.loads(out.splitlines()[-1])
 
 
-def told(records):
-    """Prints the tables and returns the exit status."""
-    print("| trial | files | right | wrong: green | amber | red | refused | panic, crash | beyond a limit |")
-    print("|---|---|---|---|---|---|---|---|---|")
+def summary(records):
+    """Counts of each trial, refusals by reason, and what a vertex of the large meshes takes."""
+    trials = {}
     for trial in TRIALS:
         own = [record for record in records if record["trial"] == trial]
+        if not own:
+            continue
         ends = Counter(record["end"] for record in own)
         matched = [record for record in own if record["end"] == "matched"]
+        of_grades = {
+            "right": [record for record in matched if record.get("error", np.inf) <= WRONG_ABOVE],
+            "wrong": [record for record in matched if record.get("error", 0) > WRONG_ABOVE],
+            "without truth": [record for record in matched if "error" not in record],
+        }
+        counts = {name: Counter(record["grade"] for record in group) for name, group in of_grades.items()}
+        trials[trial] = {
+            "files": len(own),
+            **{name: {grade: count[grade] for grade in GRADES} for name, count in counts.items()},
+            "refused": ends["refused"],
+            "ended badly": ends["panic"] + ends["crash"],
+            "beyond a limit": ends["beyond"],
+        }
+    # Numbers differ from file to file.
+    refusals = Counter(
+        re.sub(r"\d[\d.,]*", "N", record["reason"]) for record in records if record["end"] == "refused"
+    )
+    matched = [record for record in records if record["end"] == "matched"]
+    large = [record for record in matched if record["vertices"] >= LARGE]
+    rates = {
+        unit: [1000 * record[name] / record["vertices"] for record in large]
+        for name, unit in (("peak_mb", "kB"), ("seconds", "ms"))
+    }
+    vertices = [record["vertices"] for record in matched]
+    return {
+        "vertices": [min(vertices), max(vertices)] if vertices else [],
+        "trials": trials,
+        "refusals": dict(refusals.most_common()),
+        "a large vertex": {
+            unit: {"median": round(float(np.median(rate)), 2), "most": round(max(rate), 2)}
+            for unit, rate in rates.items()
+            if rate
+        },
+        "most seconds": max((record["seconds"] for record in matched), default=0),
+        "most megabytes": max((record["peak_mb"] for record in matched), default=0),
+    }
+
+
+def told(records):
+    """Prints the counts and returns the exit status."""
+    found = summary(records)
+    print("| trial | files | right | wrong: green | amber | red | refused | panic, crash | beyond a limit |")
+    print("|---|---|---|---|---|---|---|---|---|")
+    for trial, own in found["trials"].items():
         if trial == "other":
-            grades = Counter(record["grade"] for record in matched)
-            shown = ["–", *(f"({grades[grade]})" for grade in GRADES)]
+            shown = ["–", *(f"({own['without truth'][grade]})" for grade in GRADES)]
         else:
-            wrong = Counter(record["grade"] for record in matched if record["error"] > WRONG_ABOVE)
-            right = Counter(record["grade"] for record in matched if record["error"] <= WRONG_ABOVE)
-            by_grade = ", ".join(f"{right[grade]} {grade}" for grade in GRADES if right[grade])
-            shown = [f"{right.total()} ({by_grade})", *(str(wrong[grade]) for grade in GRADES)]
-        bad = str(ends["panic"] + ends["crash"])
-        print(
-            f"| {trial} | {len(own)} | {' | '.join(shown)} | {ends['refused']} | {bad} | {ends['beyond']} |"
-        )
-    for end in ("refused", "panic", "crash", "beyond"):
-        # Numbers differ from file to file.
-        reasons = Counter(
-            re.sub(r"\d[\d.,]*", "N", record["reason"]) for record in records if record["end"] == end
-        )
-        for reason, count in reasons.most_common():
-            print(f"{end}, {count}: {reason}")
-    large = [r for r in records if r["end"] == "matched" and r["vertices"] >= LARGE]
-    for name, unit in (("peak_mb", "kB of memory"), ("seconds", "ms of processor")):
-        rates = [1000 * record[name] / record["vertices"] for record in large]
-        if rates:
-            print(f"{unit} a vertex from {LARGE} on: median {np.median(rates):.2f}, most {max(rates):.2f}")
-    wrong_and_green = [
-        record["file"]
+            right = own["right"]
+            by_grade = ", ".join(f"{count} {grade}" for grade, count in right.items() if count)
+            shown = [f"{sum(right.values())} ({by_grade})", *map(str, own["wrong"].values())]
+        bad = f"{own['ended badly']} | {own['beyond a limit']}"
+        print(f"| {trial} | {own['files']} | {' | '.join(shown)} | {own['refused']} | {bad} |")
+    for reason, count in found["refusals"].items():
+        print(f"refused, {count}: {reason}")
+    for unit, rate in found["a large vertex"].items():
+        print(f"{unit} a vertex from {LARGE} on: median {rate['median']}, most {rate['most']}")
+    failed = [record for record in records if record["end"] in ("panic", "crash", "beyond")]
+    failed += [
+        record
         for record in records
         if record["end"] == "matched" and record["grade"] == "green" and record.get("error", 0) > WRONG_ABOVE
     ]
-    for file in wrong_and_green:
-        print(f"wrong and green: {file}")
-    return int(bool(wrong_and_green) or any(r["end"] in ("panic", "crash", "beyond") for r in records))
+    for record in failed:
+        print(f"{record['end']}: {record['file']} {record['trial']}: {record['reason']}")
+    return int(bool(failed))
 
 
 def main():
@@ -248,7 +282,8 @@ def main():
                 f"{number + 1} of {len(files)} {path.name} {trial}: {what[:200]}", file=sys.stderr, flush=True
             )
             if options.json:
-                Path(options.json).write_text(json.dumps(records, indent=1))
+                kept = {"corpus": summary(records), "records": records}
+                Path(options.json).write_text(json.dumps(kept, indent=1))
     return told(records)
 
 
