@@ -259,11 +259,11 @@ def test_what_a_half_turn_takes_onto_itself_is_said_and_never_green(name, radius
 
 
 def test_landmarks_tell_which_way_round_it_goes():
-    """A round bar, every turn of which is a map as good, until two places a quarter of a turn apart are known."""
+    """A round bar: every turn is as good a map until two places a quarter of a turn apart are known."""
     around = 24
     source, target, old = turned_solid(lambda a, z: 1.0, rings=12, around=around)
     new = np.argsort(old)
-    # On the rings at a third and two thirds of the height; opposite each other through the centre in the second case.
+    # Rings as far below the centre as above it: half a turn apart, both lie on one line with it.
     first, apart, opposite = 4 * around, 7 * around + around // 4, 7 * around + around // 2
     for second, is_told in ((apart, True), (opposite, False)):
         corr = sgmds.match(source, target, landmarks=[(int(v), int(new[v])) for v in (first, second)])
