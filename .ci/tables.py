@@ -152,9 +152,9 @@ def corpus() -> str:
     memory = data["a large vertex"]["kB"]
     note = (
         f"Those matched have {least:,} to {most:,} vertices. The longest match took "
-        f"{data['most seconds']:.0f} s of one processor, the largest {data['most megabytes']:.0f} MB beside what "
-        f"importing takes; from 5,000 vertices on a vertex takes {memory['median']:.0f} kB in the median, "
-        f"{memory['most']:.0f} at most.\n"
+        f"{data['most seconds']:.0f} s of one processor, the largest {data['most megabytes']:.0f} MB beside "
+        f"what importing takes; from 5,000 vertices on a vertex takes {memory['median']:.0f} kB in the "
+        f"median, {memory['most']:.0f} at most.\n"
         f"Recorded on {data['date']} at `{data['commit']}`."
     )
     return table([*head, "beyond a limit"], rows) + f"\n{note}\n"
