@@ -1066,6 +1066,11 @@ MESSAGES = (
         "目标穿在来源上:每个点取其下方的点",
     ),
     (
+        "both have the same pieces: each point takes the one that it is a copy of",
+        "両者は同じ部品からできています: 各点は複製元の点を使用",
+        "两者由相同的部件组成:每个点取其所复制的点",
+    ),
+    (
         "{} % of what is seen was placed beside what was matched: look at it",
         "見える部分の {} % は隣から補いました: 確認してください",
         "可见部分的 {} % 由相邻处推得:请查看",

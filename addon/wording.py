@@ -10,6 +10,7 @@ from .typed import StoredMatch
 PLAIN = (
     ("distances, curvatures and orientation agree", "Everything that was compared agrees"),
     ("as it is worn", "The target is worn by the source: each point takes what lies below it"),
+    ("that it is a copy of", "Both have the same pieces: each point takes the same one"),
     ("pieces were matched as one figure", None),
     ("the target looks like a part of the source", "The target looks like a part of the source"),
     ("the source looks like a part of the target", "The source looks like a part of the target"),

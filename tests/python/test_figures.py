@@ -189,6 +189,41 @@ def test_what_is_worn_takes_what_lies_below_it(slender):
         assert any("as it is worn" in reason for reason in corr.quality.reasons)
 
 
+def test_a_character_of_plates_in_another_pose_takes_its_own_plates():
+    """Left and right plates are alike; each hangs on the trunk or on the one before it, and turns about where it hangs."""
+    ball = trimesh.creation.icosphere(subdivisions=2)
+    rng = np.random.default_rng(7)
+
+    def plate(*size):
+        bumps = rng.uniform(0.9, 1.1, (len(ball.vertices), 1))
+        return ball.vertices * bumps * size
+
+    trunk, head, arm, leg = plate(1, 0.6, 1.5), plate(0.5, 0.5, 0.6), plate(0.3, 0.3, 1), plate(0.4, 0.4, 1)
+
+    def robot(angles):
+        """Vertices of the trunk, the head, and two plates of each of four limbs."""
+        placed = [trunk, head + [0, 0, 2]]
+        starts = ([1.2, 0, 1], [-1.2, 0, 1], [0.6, 0, -1.4], [-0.6, 0, -1.4])
+        for limb, start, (first, second) in zip((arm, arm, leg, leg), starts, angles, strict=True):
+            place = np.array(start, dtype=float)
+            for angle in (first, second):
+                c, s = np.cos(angle), np.sin(angle)
+                turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+                placed.append(place + (limb - [0, 0, 1.05]) @ turn.T)
+                place = place + turn @ [0, 0, -2.1]
+        return np.concatenate(placed), np.concatenate(
+            [ball.faces + len(ball.vertices) * i for i in range(len(placed))]
+        )
+
+    vertices, faces = robot([(0, 0)] * 4)
+    posed, _ = robot([(0.9, 0.7), (-0.6, 1.1), (0.5, -0.8), (-0.7, 0.3)])
+    order = rng.permutation(len(posed))
+    corr = sgmds.match((vertices, faces), (posed[order], np.argsort(order)[faces]))
+    np.testing.assert_array_equal(corr.vertices, order)
+    assert corr.quality.grade == "green"
+    assert any("a copy of" in reason for reason in corr.quality.reasons)
+
+
 def test_a_ground_does_not_make_a_figure(slender):
     """A plane that reaches beyond the body on all sides is left out, however much of what is seen it is."""
     low, reach = slender.vertices[:, 2].min(), 1.2 * np.abs(slender.vertices).max()

@@ -26,6 +26,7 @@ PARTS = (
     "upsampling",
     "symmetry",
     "retry",
+    "wide",
     "standing",
     "turned",
     "located",

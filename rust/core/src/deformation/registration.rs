@@ -35,6 +35,8 @@ pub struct Settings {
     pub both_ask: bool,
     /// Least cosine between the normals of a sample and its image, which is else not drawn.
     pub agreeing: f64,
+    /// Weight of what draws known vertices, all together, to where they belong, in every round.
+    pub known: f64,
 }
 
 /// A surface in the frame of both, with the vertices that ask and answer.
@@ -68,7 +70,7 @@ pub struct Registered {
     pub normals: Vec<Point>,
 }
 
-/// Draws one surface onto another.
+/// Draws one surface onto another, known vertices of it to their places.
 ///
 /// # Errors
 /// [`crate::Error::NotFactorised`], [`crate::Error::Cancelled`].
@@ -76,6 +78,7 @@ pub fn registered(
     moving: Sampled<'_>,
     held: Held<'_>,
     still: Sampled<'_>,
+    known: &[(u32, Point)],
     settings: &Settings,
     check: Check<'_>,
 ) -> Result<Registered> {
@@ -88,7 +91,15 @@ pub fn registered(
         let done = round as f64 / (settings.rounds - 1) as f64;
         let [first, last] = settings.pull;
         let weight = first.powf(1.0 - done) * last.powf(done);
-        let pulls = pulls(now.sampled(moving.samples), still, weight, settings);
+        let mut pulls = pulls(now.sampled(moving.samples), still, weight, settings);
+        for &(v, place) in known {
+            let weight = settings.known / known.len() as f64;
+            let (matrix, moment) = &mut pulls[v as usize];
+            for c in 0..3 {
+                matrix[c][c] += weight;
+                moment[c] += weight * place[c];
+            }
+        }
         let places = surface.drawn_to(&pulls, check)?;
         let normals = normals_of(&places, held.faces).into_iter();
         now.normals = normals

@@ -1,15 +1,19 @@
 //! Pieces that two figures have in common, as a character has with itself in another pose.
 //!
-//! Their [originals](crate::mesh::copies) are known before anything is matched: those that can be no other's are landmarks of the
-//! map between the figures. Afterwards every vertex of such a piece answers to its original.
+//! Their [originals](crate::mesh::copies) are known before anything is matched. Where they are nearly all that is seen, they are the
+//! map; otherwise those that can be no other's are landmarks of the map between the figures, and afterwards every vertex of a
+//! common piece answers to its original.
 
-use super::Figure;
 use super::pull_back::Placed;
+use super::worn::between_matched;
+use super::{Figure, FigureMap, Origin};
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::figure::settings::{COPIES, FIGURE};
 use crate::mesh::copies::{Original, Triangles, originals};
 use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::Surface;
+use crate::transfer::surface::blend;
 use crate::watch::progress::Progress;
 
 fn triangles(figure: &Figure) -> Triangles<'_> {
@@ -20,7 +24,10 @@ fn triangles(figure: &Figure) -> Triangles<'_> {
 }
 
 /// Source vertices of target vertices, welded, by common pieces.
-fn common(
+///
+/// # Errors
+/// [`crate::Error::Cancelled`].
+pub(super) fn common(
     source: &Figure,
     target: &Figure,
     images: Option<&[Point]>,
@@ -30,16 +37,59 @@ fn common(
     originals(source, target, images, false, &|| progress.check())
 }
 
-/// Landmarks for what is matched of two figures, far apart from one another, on pieces of which each is the only one of its kind.
+/// The map between figures where nearly all that is seen of the target lies on common pieces that can be no other's; otherwise
+/// nothing.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
+pub(super) fn copied(
+    source: &Figure,
+    target: &Figure,
+    common: &[Option<Original>],
+    progress: &Progress,
+) -> Result<Option<FigureMap>> {
+    let Some(visible) = &target.visible else {
+        return Ok(None);
+    };
+    let image = |v: u32| {
+        let original = common[v as usize].filter(|original| original.is_only)?;
+        Some(source.welded.vertices[original.vertex as usize])
+    };
+    let images = |f: &[u32; 3]| Some([image(f[0])?, image(f[1])?, image(f[2])?]);
+    let faces = target.welded.faces.iter();
+    let known: Vec<Option<[Point; 3]>> = faces.map(images).collect();
+    let of_known = known.iter().zip(visible);
+    let of_known = of_known.filter_map(|(images, area)| images.map(|_| area));
+    if of_known.sum::<f64>() < COPIES.enough * visible.iter().sum::<f64>() {
+        return Ok(None);
+    }
+    progress.check()?;
+    let faces = target.welded.faces.iter().zip(known);
+    let (faces, images): (Vec<[i64; 3]>, Vec<[Point; 3]>) = faces
+        .filter_map(|(f, images)| Some((f.map(i64::from), images?)))
+        .unzip();
+    let surface = Surface::new(target.welded.vertices.clone(), &faces)?;
+    let carried = |place: Point| {
+        let SurfacePoint { face, weights } = surface.nearest(place);
+        blend(images[face as usize], weights)
+    };
+    let reach = FIGURE.on_envelope * vector::extent(&source.welded.vertices);
+    let trust = |gap: f64| (-(gap / reach).powi(2)).exp();
+    let (from, to) = (&source.shape, &target.shape);
+    let map = between_matched(from, to, carried, trust, progress)?;
+    let found = FigureMap::pulled_back(map, source, target, Vec::new(), true, progress)?;
+    Ok(Some(FigureMap {
+        origin: Origin::Copies,
+        ..found
+    }))
+}
+
+/// Landmarks for what is matched of two figures, far apart from one another, on common pieces that can be no other's.
 pub(super) fn landmarks(
     source: &Figure,
     target: &Figure,
-    progress: &Progress,
-) -> Result<Vec<(u32, u32)>> {
-    let found = common(source, target, None, progress)?;
+    found: &[Option<Original>],
+) -> Vec<(u32, u32)> {
     let known = |v: usize| {
         let original = found[v].filter(|original| original.is_only)?;
         let is_seen = source.is_matched(original.vertex) && target.is_matched(v as u32);
@@ -63,7 +113,7 @@ pub(super) fn landmarks(
             *left = left.min(vector::distance(place(other), new));
         }
     }
-    Ok(landmarks)
+    landmarks
 }
 
 /// Vertices of common pieces on their originals; those of which there are several ones like it keep their confidence.

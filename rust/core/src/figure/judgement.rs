@@ -1,6 +1,6 @@
 //! The grade of a map between figures: that of what was matched, for all that is seen.
 
-use super::{Figure, FigureMap};
+use super::{Figure, FigureMap, Origin};
 use crate::algebra::vector::{self, Point};
 use crate::figure::settings::{JUDGEMENT, TURNING};
 use crate::matching::ranking::quality::{self, Grade};
@@ -9,9 +9,16 @@ use crate::transfer::surface::blend;
 /// Grade and reasons of a map between figures.
 #[must_use]
 pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Vec<String>) {
-    if found.is_worn {
-        let reason =
-            "the target lies on the source as it is worn: each point takes what lies below it";
+    let known = match found.origin {
+        Origin::Matched => None,
+        Origin::Worn => {
+            Some("the target lies on the source as it is worn: each point takes what lies below it")
+        }
+        Origin::Copies => {
+            Some("both have the same pieces: each point takes the one that it is a copy of")
+        }
+    };
+    if let Some(reason) = known {
         return (Grade::Green, vec![reason.into()]);
     }
     let (mut grade, mut reasons) = match &found.map.metrics {

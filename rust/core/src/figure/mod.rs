@@ -18,7 +18,7 @@ use std::sync::{Arc, OnceLock};
 use faer::Mat;
 
 pub use judgement::graded;
-pub use pull_back::FigureMap;
+pub use pull_back::{FigureMap, Origin};
 
 use crate::algebra::unions::Unions;
 use crate::algebra::vector::{self, Point};
@@ -381,7 +381,11 @@ pub fn match_figures(
     let has_pieces = source.pieces > 1 || target.pieces > 1;
     let by_copies = options.method == Method::Auto && is_free && has_pieces;
     let landmarks = if by_copies {
-        copies::landmarks(source, target, progress)?
+        let common = copies::common(source, target, None, progress)?;
+        if let Some(found) = copies::copied(source, target, &common, progress)? {
+            return Ok(found);
+        }
+        copies::landmarks(source, target, &common)
     } else {
         let given = options.landmarks.iter();
         let matched = |&(s, t): &_| (source.matched_vertex(s), target.matched_vertex(t));

@@ -24,10 +24,21 @@ pub struct FigureMap {
     pub map: Correspondence,
     /// Share of the target's visible area that was placed without having been matched.
     pub unknown: f64,
-    /// Whether the target is worn by the source and takes the nearest points.
-    pub is_worn: bool,
+    /// How it was found.
+    pub origin: Origin,
     /// Pairs (source vertex, target vertex) that the caller gave, in given numbering.
     pub landmarks: Vec<(u32, u32)>,
+}
+
+/// How a map between figures was found.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub enum Origin {
+    /// By their shapes.
+    Matched,
+    /// The target is worn by the source and takes the nearest points.
+    Worn,
+    /// The target's pieces are the source's, each posed in its own way.
+    Copies,
 }
 
 /// A vertex of the target before small pieces are put onto their counterparts.
@@ -53,7 +64,7 @@ impl FigureMap {
             return Ok(Self {
                 map,
                 unknown: 0.0,
-                is_worn: false,
+                origin: Origin::Matched,
                 landmarks,
             });
         }
@@ -76,7 +87,7 @@ impl FigureMap {
         Ok(Self {
             map,
             unknown,
-            is_worn: false,
+            origin: Origin::Matched,
             landmarks,
         })
     }

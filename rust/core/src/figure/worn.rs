@@ -6,7 +6,7 @@
 use rayon::prelude::*;
 
 use super::pull_back::{Placed, in_given_numbering, lying_alike};
-use super::{Figure, FigureMap};
+use super::{Figure, FigureMap, Origin};
 use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
@@ -44,20 +44,22 @@ pub(super) fn worn(
             })
         })
         .collect::<Result<_>>()?;
-    let mut map = between_matched(&source.shape, &target.shape, trust, progress)?;
+    let mut map = between_matched(&source.shape, &target.shape, |p| p, trust, progress)?;
     in_given_numbering(&mut map, source, target, &placed);
     Ok(Some(FigureMap {
         map,
         unknown: 0.0,
-        is_worn: true,
+        origin: Origin::Worn,
         landmarks: Vec::new(),
     }))
 }
 
-/// Nearest points between what was prepared of both, where they lie.
-fn between_matched(
+/// The map between what was prepared of both: each place of the target is carried onto the source, to the nearest point there,
+/// and trusted by how far off it lies.
+pub(super) fn between_matched(
     source: &Shape,
     target: &Shape,
+    carried: impl Fn(Point) -> Point + Sync,
     trust: impl Fn(f64) -> f64,
     progress: &Progress,
 ) -> Result<Correspondence> {
@@ -65,9 +67,12 @@ fn between_matched(
     let places = |mesh: &crate::mesh::Mesh| -> Vec<Point> {
         mesh.vertices.iter().map(|&p| mesh.as_given(p)).collect()
     };
+    let carried = |mesh: &crate::mesh::Mesh| -> Vec<Point> {
+        places(mesh).into_par_iter().map(&carried).collect()
+    };
     let faces: Vec<[i64; 3]> = there.faces.iter().map(|f| f.map(i64::from)).collect();
     let surface = Surface::new(places(there), &faces)?;
-    let found: Vec<_> = places(target.given_mesh())
+    let found: Vec<_> = carried(target.given_mesh())
         .par_iter()
         .map(|&place| {
             let point = surface.nearest(place);
@@ -76,7 +81,7 @@ fn between_matched(
         .collect();
     let trust: Vec<f64> = found.iter().map(|&(_, gap)| trust(gap)).collect();
     let points = found.into_iter().map(|(point, _)| point).collect();
-    let (own, other) = (places(&target.mesh), places(&source.mesh));
+    let (own, other) = (carried(&target.mesh), places(&source.mesh));
     let images = SpaceTree::new(&other).nearest_to_each(&own);
     let back = SpaceTree::new(&own).nearest_to_each(&other);
     let maps = PointMaps {

@@ -156,7 +156,7 @@ fn parts_and_wide<'a>(
             best = found;
         }
     }
-    if best[0].coverage == Coverage::BOTH {
+    if best[0].coverage == Coverage::BOTH && pair.uses(Part::Wide) {
         let wide = found_or_none(search(guided, Coverage::BOTH, Width::WIDE, (0.5, 0.6)))?;
         best = ranking::merged(pair.source, best, wide);
     }

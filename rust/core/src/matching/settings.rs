@@ -67,6 +67,8 @@ settings! {
         normal: f64 = 0.1,
         /// Least cosine between the normals of a sample and its image, which is else not drawn.
         agreeing: f64 = 0.3,
+        /// Weight of what draws landmarks, all together, to their places, in every round.
+        known: f64 = 0.1,
         /// Mean distance between samples after the registration, by the height and with normals, up to which figures
         /// may stand alike: 0.065 is the most of right maps.
         fits: f64 = 0.08,

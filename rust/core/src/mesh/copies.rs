@@ -4,10 +4,14 @@
 //! One triangle is laid onto a similar one, and then triangle after triangle across their edges. A piece whose triangles all come
 //! to lie on others is a copy where its edges are the other's in one ratio: all of them, or the most where it is bent at joints.
 //! Its vertices answer to those of the other exactly. O(n log n).
+//!
+//! Of pieces that are alike, as left and right ones are, each is told by what holds it: the distances across a joint are those
+//! across the joint of the originals, in every pose.
 
 use rayon::prelude::*;
 
 use super::Adjacency;
+use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::mesh::settings::COPIES;
@@ -34,9 +38,9 @@ pub struct Original {
     pub is_only: bool,
 }
 
-/// The source's vertex of each target vertex whose piece is a copy. Of several ways the one is taken that keeps most edges, and of
-/// these the one nearest to the `images` of the target's vertices where these are known. `mirrored` are copies whose triangles are
-/// wound the other way round.
+/// The source's vertex of each target vertex whose piece is a copy. Of several ways the one is taken that a joint
+/// tells; otherwise the one that keeps most edges, and of these the one nearest to the `images` of the target's vertices where
+/// these are known. `mirrored` are copies whose triangles are wound the other way round.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`].
@@ -56,27 +60,33 @@ pub fn originals(
         source: Side::new(source),
         target: Side::new(target),
         mirrored,
-        same: COPIES.same * vector::extent(target.vertices),
+        extent: vector::extent(target.vertices),
+        most: COPIES.most,
+        ratio: None,
+        seeds: COPIES.seeds,
         image: vec![NONE; target.vertices.len()],
         taken: vec![false; source.vertices.len()],
         laid: vec![false; target.faces.len()],
         is_original: vec![false; source.vertices.len()],
     };
-    for piece in search.pieces() {
+    let mut pieces = search.pieces();
+    pieces.retain(|piece| (COPIES.fewest_faces..=source.faces.len()).contains(&piece.len()));
+    let (mut left, mut holders) = (Vec::new(), Vec::new());
+    for piece in pieces {
         check()?;
-        if piece.len() < COPIES.fewest_faces || piece.len() > source.faces.len() {
-            continue;
+        match search.best_of(&piece, &similar, images) {
+            Some((best, true)) => {
+                holders.push(search.holder(&best));
+                search.take(best, true, &mut found);
+            }
+            _ => left.push(piece),
         }
-        let seeds = search.rarest(&piece, &similar);
-        let Some((best, is_only)) = seeds
-            .into_iter()
-            .find_map(|seed| search.best(seed, piece.len(), &similar, images))
-        else {
-            continue;
-        };
-        for (v, vertex) in best.images {
-            search.is_original[vertex as usize] = true;
-            found[v as usize] = Some(Original { vertex, is_only });
+    }
+    search.assemble(&mut left, holders, &similar, &mut found, check)?;
+    for piece in left {
+        check()?;
+        if let Some((best, is_only)) = search.best_of(&piece, &similar, images) {
+            search.take(best, is_only, &mut found);
         }
     }
     Ok(found)
@@ -120,14 +130,59 @@ struct Laid {
     images: Vec<(u32, u32)>,
     /// Whether all edges are the same, and the share of those that are alike.
     fit: (bool, f64),
+    /// Lengths of the target over those of the source.
+    ratio: f64,
+}
+
+/// A copy that may hold others.
+struct Holder {
+    /// Target vertices and the source's.
+    images: Vec<(u32, u32)>,
+    /// Of the target vertices' places.
+    tree: SpaceTree<'static>,
+    /// Lengths of the target over those of the source.
+    ratio: f64,
+}
+
+/// A vertex of a piece and the nearest one of a copy.
+struct Contact {
+    /// Target vertex of the piece.
+    vertex: u32,
+    /// Source vertex of the copy's vertex there.
+    original: u32,
+    /// How far the two lie apart.
+    apart: f64,
+}
+
+/// Where a piece is near a copy.
+struct Joint {
+    /// The nearest contacts, the nearest first, at least one.
+    contacts: Vec<Contact>,
+    /// Of the copy, lengths of the target over those of the source.
+    ratio: f64,
+}
+
+/// A way to lay a piece that a joint tells.
+struct Held {
+    /// By how much the joint is off.
+    off: f64,
+    /// Whether no other way onto the same piece would do.
+    is_only: bool,
+    way: Laid,
 }
 
 struct Search<'a> {
     source: Side<'a>,
     target: Side<'a>,
     mirrored: bool,
-    /// Lengths of the target that differ less are the same.
-    same: f64,
+    /// Of the target.
+    extent: f64,
+    /// Share of the edges that are alike in a copy.
+    most: f64,
+    /// Lengths of the target over those of the source, where these are known.
+    ratio: Option<f64>,
+    /// Faces of a piece from which it is laid.
+    seeds: usize,
     /// Source vertex of each target vertex while a piece is laid.
     image: Vec<u32>,
     /// Source vertices that are images, while a piece is laid.
@@ -177,9 +232,47 @@ impl Search<'_> {
         counted.sort_unstable();
         counted
             .iter()
-            .take(COPIES.seeds)
+            .take(self.seeds)
             .map(|&(_, face)| face)
             .collect()
+    }
+
+    /// The best way to lay a piece, and whether it is the only one.
+    fn best_of(
+        &mut self,
+        piece: &[u32],
+        similar: &Similar,
+        images: Option<&[Point]>,
+    ) -> Option<(Laid, bool)> {
+        let seeds = self.rarest(piece, similar);
+        let near = |seed: usize| images.map(|at| at[self.target.mesh.faces[seed][0] as usize]);
+        let seeds: Vec<_> = seeds.into_iter().map(|seed| (seed, near(seed))).collect();
+        seeds
+            .into_iter()
+            .find_map(|(seed, near)| self.best(seed, piece.len(), similar, near))
+    }
+
+    /// The vertices of a piece answer to their originals.
+    fn take(&mut self, way: Laid, is_only: bool, found: &mut [Option<Original>]) {
+        for (v, vertex) in way.images {
+            self.is_original[vertex as usize] = true;
+            found[v as usize] = Some(Original { vertex, is_only });
+        }
+    }
+
+    /// Source faces that a face is similar to, those at a place first or else the most similar ones.
+    fn onto(&self, seed: usize, similar: &Similar, near: Option<Point>) -> Vec<u32> {
+        let lengths = edges(self.target.mesh, seed);
+        let mut onto: Vec<(f64, u32)> = (similar.to(&lengths))
+            .map(|(unlike, face)| {
+                let corner = self.source.mesh.faces[face as usize][0];
+                let place = self.source.mesh.vertices[corner as usize];
+                let away = near.map_or(unlike, |near| vector::distance(place, near));
+                (away, face)
+            })
+            .collect();
+        onto.sort_by(|a, b| a.0.total_cmp(&b.0));
+        onto.into_iter().take(COPIES.tried).map(|o| o.1).collect()
     }
 
     /// The best way to lay a piece of so many faces from a seed, and whether it is the only one.
@@ -188,24 +281,11 @@ impl Search<'_> {
         seed: usize,
         faces: usize,
         similar: &Similar,
-        images: Option<&[Point]>,
+        near: Option<Point>,
     ) -> Option<(Laid, bool)> {
-        let lengths = edges(self.target.mesh, seed);
-        let near = images.map(|images| images[self.target.mesh.faces[seed][0] as usize]);
-        let mut onto: Vec<(f64, u32)> = (similar.to(&lengths))
-            .map(|(unlike, face)| {
-                let corner = self.source.mesh.faces[face as usize][0];
-                let place = self.source.mesh.vertices[corner as usize];
-                (
-                    near.map_or(unlike, |near| vector::distance(place, near)),
-                    face,
-                )
-            })
-            .collect();
-        onto.sort_by(|a, b| a.0.total_cmp(&b.0));
         let mut ways: Vec<Laid> = Vec::new();
         let (mut keeping, mut is_found) = (0, false);
-        for (_, face) in onto.into_iter().take(COPIES.tried) {
+        for face in self.onto(seed, similar, near) {
             if is_found && keeping > 1 || keeping == 0 && ways.len() >= COPIES.ways {
                 break;
             }
@@ -234,6 +314,141 @@ impl Search<'_> {
             }
         };
         ways.into_iter().reduce(better).map(|best| (best, is_only))
+    }
+
+    /// Of the pieces left takes those that are told by what holds them, again and again, since each may hold others.
+    fn assemble(
+        &mut self,
+        left: &mut Vec<Vec<u32>>,
+        mut holders: Vec<Holder>,
+        similar: &Similar,
+        found: &mut [Option<Original>],
+        check: Check<'_>,
+    ) -> Result<()> {
+        self.most = COPIES.most_held;
+        self.seeds = COPIES.drawn;
+        while !holders.is_empty() {
+            let mut told = Vec::new();
+            for (number, piece) in left.iter().enumerate() {
+                check()?;
+                let joints = self.joints(piece, &holders);
+                if let Some(held) = self.held(piece, &joints, similar) {
+                    told.push((number, held));
+                }
+            }
+            told.sort_by(|(_, a), (_, b)| a.off.total_cmp(&b.off));
+            let mut is_told = vec![false; left.len()];
+            let mut new = Vec::new();
+            for (number, held) in told {
+                if self.is_free(&held.way) {
+                    is_told[number] = true;
+                    new.push(self.holder(&held.way));
+                    self.take(held.way, held.is_only, found);
+                }
+            }
+            holders.extend(new);
+            if !is_told.contains(&true) {
+                break;
+            }
+            let mut pieces = is_told.into_iter();
+            left.retain(|_| pieces.next() == Some(false));
+        }
+        self.most = COPIES.most;
+        self.seeds = COPIES.seeds;
+        Ok(())
+    }
+
+    fn holder(&self, way: &Laid) -> Holder {
+        let places = way
+            .images
+            .iter()
+            .map(|&(v, _)| self.target.mesh.vertices[v as usize]);
+        Holder {
+            images: way.images.clone(),
+            tree: SpaceTree::new(places.collect::<Vec<_>>()),
+            ratio: way.ratio,
+        }
+    }
+
+    /// Where a piece is near each of some others.
+    fn joints(&self, piece: &[u32], holders: &[Holder]) -> Vec<Joint> {
+        let faces = piece.iter().map(|&f| self.target.mesh.faces[f as usize]);
+        let mut vertices: Vec<u32> = faces.flatten().collect();
+        vertices.sort_unstable();
+        vertices.dedup();
+        let joint = |holder: &Holder| {
+            let contact = |&vertex: &u32| {
+                let place = self.target.mesh.vertices[vertex as usize];
+                let (other, original) = holder.images[holder.tree.nearest(place)? as usize];
+                let apart = self.target.length(vertex, other);
+                Some(Contact {
+                    vertex,
+                    original,
+                    apart,
+                })
+            };
+            let mut contacts: Vec<Contact> = vertices.iter().filter_map(contact).collect();
+            contacts.sort_by(|a, b| a.apart.total_cmp(&b.apart));
+            contacts.truncate(COPIES.contacts);
+            Joint {
+                contacts,
+                ratio: holder.ratio,
+            }
+        };
+        let mut joints: Vec<Joint> = holders.iter().map(joint).collect();
+        joints.retain(|joint| joint.contacts[0].apart <= COPIES.joint * self.extent);
+        joints.sort_by(|a, b| a.contacts[0].apart.total_cmp(&b.contacts[0].apart));
+        joints
+    }
+
+    /// The way to lay a piece that one of its joints tells from ways onto any other piece.
+    fn held(&mut self, piece: &[u32], joints: &[Joint], similar: &Similar) -> Option<Held> {
+        let nearest = joints.first()?;
+        let near = self.source.mesh.vertices[nearest.contacts[0].original as usize];
+        self.ratio = Some(nearest.ratio);
+        let mut ways: Vec<(f64, Laid)> = Vec::new();
+        for seed in self.rarest(piece, similar) {
+            for face in self.onto(seed, similar, Some(near)) {
+                let turns = (0..3)
+                    .filter_map(|turn| self.laid_from(seed, (face as usize, turn), piece.len()));
+                let turns: Vec<Laid> = turns.collect();
+                let free = turns.into_iter().filter(|way| self.is_free(way));
+                ways.extend(free.map(|way| (self.off(&way, joints), way)));
+            }
+            if !ways.is_empty() {
+                break;
+            }
+        }
+        self.ratio = None;
+        ways.sort_by(|a, b| a.0.total_cmp(&b.0));
+        let mut ways = ways.into_iter();
+        let (off, way) = ways.next()?;
+        let least = |way: &Laid| way.images.iter().map(|&(_, v)| v).min();
+        let is_rival = |other: f64| other < COPIES.clearly * off.max(COPIES.same);
+        let (own, others): (Vec<_>, Vec<_>) = ways.partition(|(_, w)| least(w) == least(&way));
+        let is_told = off <= COPIES.held && !others.iter().any(|&(other, _)| is_rival(other));
+        let is_only = !own.iter().any(|&(other, _)| is_rival(other));
+        is_told.then_some(Held { off, is_only, way })
+    }
+
+    /// By how much distances across a joint differ from those of the originals, on average, over the extent: of several joints
+    /// the least, since pieces come near each other in a pose that do not hold each other.
+    fn off(&self, way: &Laid, joints: &[Joint]) -> f64 {
+        let off = |joint: &Joint| {
+            let off = joint.contacts.iter().map(|contact| {
+                let image = way.images.iter().find(|&&(v, _)| v == contact.vertex);
+                let there = image.map_or(f64::INFINITY, |&(_, v)| {
+                    self.source.length(v, contact.original)
+                });
+                (way.ratio * there - contact.apart).abs()
+            });
+            off.sum::<f64>() / (joint.contacts.len() as f64 * self.extent)
+        };
+        joints.iter().map(off).fold(f64::INFINITY, f64::min)
+    }
+
+    fn same(&self) -> f64 {
+        COPIES.same * self.extent
     }
 
     /// Whether no other piece has its originals there.
@@ -268,7 +483,8 @@ impl Search<'_> {
             self.image[v as usize] = NONE;
             self.taken[image as usize] = false;
         }
-        fit.filter(|_| is_whole).map(|fit| Laid { images, fit })
+        let (fit, ratio) = fit.filter(|_| is_whole)?;
+        Some(Laid { images, fit, ratio })
     }
 
     /// Lays faces across edges from the first of `reached` on, as long as they lie on others; how well their edges fit.
@@ -278,10 +494,10 @@ impl Search<'_> {
         onto: [u32; 3],
         named: &mut Vec<u32>,
         reached: &mut Vec<usize>,
-    ) -> Option<(bool, f64)> {
+    ) -> Option<((bool, f64), f64)> {
         let long = (0..3).max_by(|&a, &b| self.edge(own, a).total_cmp(&self.edge(own, b)))?;
         let length = self.source.length(onto[long], onto[(long + 1) % 3]);
-        let ratio = self.edge(own, long) / length;
+        let ratio = self.ratio.unwrap_or(self.edge(own, long) / length);
         if !ratio.is_finite() {
             return None;
         }
@@ -297,8 +513,8 @@ impl Search<'_> {
                 let here = self.target.length(a, b);
                 let off = (here - ratio * self.source.length(p, q)).abs();
                 counted += 1;
-                alike += usize::from(off <= COPIES.alike * here + self.same);
-                all_same &= off <= self.same;
+                alike += usize::from(off <= COPIES.alike * here + self.same());
+                all_same &= off <= self.same();
                 let (from, to) = if self.mirrored { (p, q) } else { (q, p) };
                 let there = self.source.with_edge(from, to);
                 let Some((across, corner)) = self.target.with_edge(b, a) else {
@@ -319,12 +535,12 @@ impl Search<'_> {
                     open.push(([b, a, own_third], [q, p, third]));
                 }
             }
-            if ((alike + COPIES.first) as f64) < COPIES.most * counted as f64 {
+            if ((alike + COPIES.first) as f64) < self.most * counted as f64 {
                 return None;
             }
         }
         let share = alike as f64 / counted as f64;
-        (all_same || share >= COPIES.most && !is_part).then_some((all_same, share))
+        (all_same || share >= self.most && !is_part).then_some(((all_same, share), ratio))
     }
 
     fn edge(&self, own: [u32; 3], k: usize) -> f64 {
@@ -491,6 +707,35 @@ mod tests {
             let vertex = ((v + n) % (2 * n)) as u32;
             let is_only = false;
             assert_eq!(original, Some(Original { vertex, is_only }));
+        }
+    }
+
+    /// A trunk between two arms that are alike, each of which is moved about its joint; the other one lies near its hand.
+    #[test]
+    fn of_pieces_that_are_alike_each_is_told_by_its_joint() {
+        let trunk = torus_mesh(RINGS, &[], 0.0);
+        let arm = torus_mesh(RINGS / 2, &SPIKES, 0.0);
+        let left = moved(&arm, |[x, y, z]| [0.3 * x + 1.9, 0.3 * y, 0.3 * z]);
+        let right = moved(&arm, |[x, y, z]| [-0.3 * x - 1.9, -0.3 * y, 0.3 * z]);
+        let joint = 1.5;
+        let raised = |[x, y, z]: Point| [joint - z, y, x - joint];
+        let lowered = |[x, y, z]: Point| [-joint + z, y, -x - joint];
+        let source = together(&[trunk.clone(), left.clone(), right.clone()]);
+        // Given in the other order.
+        let target = together(&[moved(&right, lowered), trunk.clone(), moved(&left, raised)]);
+        let [n, a] = [&trunk, &arm].map(|piece| piece.0.len() as u32);
+        let images = found(&source, &target, None);
+        let used: Vec<u32> = target.1.concat();
+        for v in used {
+            let vertex = match v {
+                v if v < a => n + a + v,
+                v if v < a + n => v - a,
+                v => v - a - n + n,
+            };
+            assert_eq!(
+                images[v as usize].map(|original| original.vertex),
+                Some(vertex)
+            );
         }
     }
 

@@ -46,6 +46,19 @@ settings! {
         tried: usize = 32,
         /// Ways to lay a piece from which the best is chosen, where none keeps all edges.
         ways: usize = 8,
+        /// Share of the edges that are alike in a copy that another holds where its original does: a hand whose
+        /// fingers are all bent keeps 0.3 of them.
+        most_held: f64 = 0.25,
+        /// Pieces nearer to one another than this may hold each other, over the extent: limbs of robots float a
+        /// tenth of it apart.
+        joint: f64 = 0.12,
+        /// Contacts of a joint: the nearest ones lie about its centre, others are carried away from it.
+        contacts: usize = 4,
+        /// How much the distances across a joint change at most over the extent: by a right angle about a joint
+        /// as thick as a limb.
+        held: f64 = 0.05,
+        /// By what factor they change more where another piece is laid.
+        clearly: f64 = 2.0,
     }
 
     /// Positive cotangent weights of a surface's edges.

@@ -157,8 +157,9 @@ fn drawn(
         normal: LOCATION.normal,
         agreeing: LOCATION.agreeing,
         both_ask: false,
+        known: 0.0,
     };
-    let drawn = registration::registered(moving, held, still, &settings, check)?;
+    let drawn = registration::registered(moving, held, still, &[], &settings, check)?;
     let drawn = Facing {
         places: drawn.places,
         normals: drawn.normals,

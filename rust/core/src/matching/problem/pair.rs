@@ -114,8 +114,10 @@ pub enum Part {
     Rigid,
     /// The own mirror symmetry of shapes that are not poses of one body.
     Symmetry,
-    /// Parts of shapes and a wider search where the result is poor.
+    /// Parts of shapes where the result is poor.
     Retry,
+    /// A wider search where the result is poor still.
+    Wide,
     /// The map between figures as they stand.
     Standing,
     /// The map found, turned as the source is like itself.
@@ -126,7 +128,7 @@ pub enum Part {
 
 impl Part {
     /// All parts with their names.
-    pub const ALL: [(&'static str, Self); 14] = [
+    pub const ALL: [(&'static str, Self); 15] = [
         ("geodesic", Self::Geodesic),
         ("descriptors", Self::Descriptors),
         ("orientation", Self::Orientation),
@@ -138,6 +140,7 @@ impl Part {
         ("rigid", Self::Rigid),
         ("symmetry", Self::Symmetry),
         ("retry", Self::Retry),
+        ("wide", Self::Wide),
         ("standing", Self::Standing),
         ("turned", Self::Turned),
         ("located", Self::Located),

@@ -196,8 +196,13 @@ fn registered(
         normal: STANDING.normal,
         agreeing: STANDING.agreeing,
         both_ask: true,
+        known: STANDING.known,
     };
-    let registered = registration::registered(moving, held, still, &settings, check)?;
+    let landmarks = pair.constraints.landmarks.iter();
+    let known: Vec<(u32, Point)> = landmarks
+        .map(|&(s, t)| (t, source.places[s as usize]))
+        .collect();
+    let registered = registration::registered(moving, held, still, &known, &settings, check)?;
     Ok((registered, source))
 }
 
