@@ -47,6 +47,84 @@ def test_true_map_has_no_error(folder):
     assert pair.direct == 0 and pair.status == "right" and pair.matched == 1 and pair.lines == 400
 
 
+def published(root, bodies, to="corres"):
+    """A set as remeshed ones are published: meshes in `off`, a file of ids that count from 1 for each."""
+    (root / "off").mkdir(parents=True)
+    (root / to).mkdir()
+    for name, (shape, ids) in bodies.items():
+        write_off(root / "off" / f"{name}.off", shape.vertices, shape.faces)
+        if ids is not None:
+            np.savetxt(root / to / f"{name}.vts", ids + 1, fmt="%d")
+    return root
+
+
+def truths(root):
+    """Columns of the truth of each pair of a set."""
+    (found,) = find_sets(root)
+    told = {}
+    for a, b in found.pairs():
+        truth = found.truth(a, b, len(found.mesh(a)[0]), lines=None)
+        told[a, b] = np.stack([truth.a, truth.b], axis=1)
+    return told
+
+
+def test_published_sets_are_read_as_they_come(tmp_path, slender, stout):
+    ids, images = characters.truth_vertices(stout, slender)
+    bodies = {"stout1": (stout, ids), "slender1": (slender, images)}
+    there = np.stack([ids, images], axis=1)
+    told = truths(published(tmp_path / "BODIES_r", bodies))
+    assert set(told) == {("stout1", "slender1"), ("slender1", "stout1")}
+    np.testing.assert_array_equal(told["stout1", "slender1"], there)
+    np.testing.assert_array_equal(told["slender1", "stout1"], there[:, ::-1])
+    # Pairs that are asked for, and one list for each class.
+    (tmp_path / "BODIES_r" / "test_pairs.txt").write_text("slender1,stout1\n")
+    assert set(truths(tmp_path / "BODIES_r")) == {("slender1", "stout1")}
+    classes = tmp_path / "CLASSES"
+    for kind in ("stout", "slender"):
+        shape, lines = bodies[f"{kind}1"]
+        inner = {f"{kind}1": (shape, lines), f"{kind}2": (shape, lines[::-1])}
+        published(tmp_path / kind, inner)
+        shutil.copytree(tmp_path / kind / "off", classes / "off" / kind)
+        shutil.copytree(tmp_path / kind / "corres", classes / "corres" / kind)
+    told = truths(classes)
+    names = [(f"{kind}/{kind}{k}", f"{kind}/{kind}{3 - k}") for kind in ("slender", "stout") for k in (1, 2)]
+    assert list(told) == names
+    np.testing.assert_array_equal(told[names[0]], np.stack([images, images[::-1]], axis=1))
+
+
+def test_maps_between_two_are_read_whichever_has_as_many_lines(tmp_path, slender, stout):
+    ids, images = characters.truth_vertices(stout, slender)
+    bodies = {"stout1": (stout, None), "slender1": (slender, None)}
+    root = published(tmp_path / "set", bodies)
+    (root / "test_pairs.txt").write_text("stout1 slender1\nslender1 stout1\n")
+    lines = np.zeros(len(stout.vertices), dtype=int)
+    lines[ids] = images + 1
+    there = np.stack([ids, images], axis=1)[np.argsort(ids)]
+    for name in ("stout1_slender1", "slender1_stout1"):
+        np.savetxt(root / "corres" / f"{name}.map", lines, fmt="%d")
+        told = truths(root)
+        np.testing.assert_array_equal(told["stout1", "slender1"], there)
+        np.testing.assert_array_equal(told["slender1", "stout1"], there[:, ::-1])
+        (root / "corres" / f"{name}.map").unlink()
+    np.savetxt(root / "corres" / "stout1_slender1.map", lines[:-1], fmt="%d")
+    with pytest.raises(sgmds.SgmdsError, match="are not one for each vertex of one of stout1"):
+        truths(root)
+
+
+def test_parts_stand_beside_their_wholes(tmp_path, slender):
+    kept = np.flatnonzero(slender.vertices[:, 2] < np.median(slender.vertices[:, 2]))
+    number = np.full(len(slender.vertices), -1)
+    number[kept] = np.arange(len(kept))
+    faces = number[slender.faces]
+    part = SimpleNamespace(vertices=slender.vertices[kept], faces=faces[(faces >= 0).all(axis=1)])
+    published(tmp_path / "null", {"cat": (slender, None)})
+    told = truths(published(tmp_path / "cuts", {"cuts_cat_shape_12": (part, kept)}))
+    assert list(told) == [("cuts_cat_shape_12", "cat")]
+    np.testing.assert_array_equal(
+        told["cuts_cat_shape_12", "cat"], np.stack([np.arange(len(kept)), kept], axis=1)
+    )
+
+
 def test_error_agrees_with_shortest_paths(folder, slender, stout):
     """A map to a neighbour some edges away: the heat method against Dijkstra's on the mesh's edges."""
     shift = 40

@@ -190,7 +190,7 @@ def test_what_is_worn_takes_what_lies_below_it(slender):
 
 
 def test_a_character_of_plates_in_another_pose_takes_its_own_plates():
-    """Left and right plates are alike; each hangs on the trunk or on the one before it, and turns about where it hangs."""
+    """Left and right plates are alike; each hangs on the trunk or on the plate before it, and turns there."""
     ball = trimesh.creation.icosphere(subdivisions=2)
     rng = np.random.default_rng(7)
 
@@ -218,10 +218,16 @@ def test_a_character_of_plates_in_another_pose_takes_its_own_plates():
     vertices, faces = robot([(0, 0)] * 4)
     posed, _ = robot([(0.9, 0.7), (-0.6, 1.1), (0.5, -0.8), (-0.7, 0.3)])
     order = rng.permutation(len(posed))
-    corr = sgmds.match((vertices, faces), (posed[order], np.argsort(order)[faces]))
-    np.testing.assert_array_equal(corr.vertices, order)
-    assert corr.quality.grade == "green"
-    assert any("a copy of" in reason for reason in corr.quality.reasons)
+    source, target = (vertices, faces), (posed[order], np.argsort(order)[faces])
+    for landmarks in ([], [(order[5], 5)]):
+        corr = sgmds.match(source, target, landmarks=landmarks)
+        np.testing.assert_array_equal(corr.vertices, order)
+        assert corr.quality.grade == "green"
+        assert any("a copy of" in reason for reason in corr.quality.reasons)
+    # Who says that a hand is the head knows of another map.
+    head, hand = np.flatnonzero(order == len(ball.vertices))[0], 4 * len(ball.vertices)
+    corr = sgmds.match(source, target, landmarks=[(hand, head)])
+    assert not any("a copy of" in reason for reason in corr.quality.reasons)
 
 
 def test_a_ground_does_not_make_a_figure(slender):

@@ -5,23 +5,13 @@ so that B is the source and A the target of `match`. For a truth line (a, b) and
 
     d_B(f(a), b) / √area(B)
 
-with geodesic distances d_B; reported times 100. Sets are read by their layout:
-
-    NAME.off, .obj, .ply (also .gz)      meshes
-    pairs.txt                            "A B" a line
-    corr/NAME.txt, NAME.sym.txt          vertex ids, line k of A belongs to line k of B, -1 = not there;
-                                         .sym: the same lines with the sides swapped
-    corr/IDENTITY                        patterns of names whose meshes share their vertex order
-    corr_pairs/A__B.txt, A__B.sym.txt    two columns "a b"
-    corr_pairs/CLASS__CLASS.txt          the same for all meshes of two classes (name less its final digits)
-    samples/CLASS.txt, CLASS.sym.txt     sampled vertices of a class and their partners on the other side
-    maps/METHOD/A__B.txt                 saved maps of other methods: line i the vertex of B for vertex i of A
+with geodesic distances d_B; reported times 100. Sets are read by
+[their layout][sgmds.shape_sets].
 """
 
 from __future__ import annotations
 
 import hashlib
-import re
 import time
 from collections import Counter
 from collections.abc import Callable, Iterable
@@ -33,13 +23,10 @@ from zlib import crc32
 import numpy as np
 
 from . import pictures
-from .files import mesh_format, mesh_name, read_mesh
 from .matching import METHODS, check_method, listed
 from .shape import METRICS, check_choice, checked_count, checked_number, checked_threads
+from .shape_sets import TRUTH_LINES, ShapeSet, Truth, check_ids, find_sets, set_error
 from .whole_file import whole_file
-
-TRUTH_LINES = 400
-"""Truth lines asked of a pair, spread evenly; fewer than 200 move the mean by one or two units."""
 
 RIGHT_BELOW = 8.0
 """A pair is right when its direct error ×100 is below this."""
@@ -50,196 +37,6 @@ DISTANCES = ("heat", "exact")
 MISSING_BEYOND = 0.05
 """A target vertex has no counterpart when it lies farther than this times √area from every vertex that has
 one."""
-
-
-# ------------------------------------------------------------------ reading a set
-
-
-@dataclass(frozen=True)
-class Truth:
-    """Vertices of A and B that belong together, line by line; `swapped_*` with the sides exchanged, where
-    known.
-
-    `all_a` are the vertices of A with a counterpart, all of them, not only the lines asked.
-    """
-
-    a: np.ndarray
-    b: np.ndarray
-    swapped_a: np.ndarray | None
-    swapped_b: np.ndarray | None
-    all_a: np.ndarray
-
-
-class ShapeSet:
-    """One folder of meshes, pairs and truth."""
-
-    def __init__(self, folder):
-        self.folder = Path(folder)
-        self.name = self.folder.resolve().name
-        self._files = {mesh_name(p): p for p in sorted(self.folder.iterdir()) if mesh_format(p)}
-        self._pairs: list[tuple[str, str]] = []
-        path = self.folder / "pairs.txt"
-        for number, line in enumerate(_text(path).splitlines(), start=1):
-            words = line.split()
-            if len(words) == 1:
-                raise _evaluation_error(
-                    f'{path}: line {number} should be "A B", names of two meshes, got {line!r}'
-                )
-            if words:
-                self._pairs.append((words[0], words[1]))
-        if not self._pairs:
-            raise _evaluation_error(f'{path}: asks for no map; write a line "A B" for each')
-
-    def pairs(self) -> list[tuple[str, str]]:
-        return list(self._pairs)
-
-    def mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
-        if name not in self._files:
-            raise _evaluation_error(f"{self.folder}: no mesh named {name}, though pairs.txt asks for it")
-        return read_mesh(self._files[name])
-
-    def saved_maps(self) -> list[str]:
-        folder = self.folder / "maps"
-        return sorted(p.name for p in folder.iterdir() if p.is_dir()) if folder.is_dir() else []
-
-    def saved_map(self, method: str, a: str, b: str) -> np.ndarray | None:
-        path = self.folder / "maps" / method / f"{a}__{b}.txt"
-        return _ids(path) if path.exists() else None
-
-    def truth(self, a: str, b: str, vertices_a: int, lines: int | None = TRUTH_LINES) -> Truth:
-        ids_a, ids_b = self._direct(a, b, vertices_a)
-        _check_ids(ids_a, vertices_a)
-        all_a = ids_a
-        swapped = self._swapped(a, b)
-        if swapped is not None and len(swapped[0]) != len(ids_a):
-            if (self.folder / "samples").is_dir():
-                # Partners are known on samples only: ask both ways on the same samples.
-                ids_a = ids_b = swapped[0]
-            else:
-                swapped = None
-        count = len(ids_a)
-        if not count:
-            raise _evaluation_error(f"{self.folder}: the truth for the pair {a} {b} has no line")
-        chosen = np.arange(count)
-        if lines is not None and count > lines:
-            chosen = np.linspace(0, count - 1, lines).astype(int)
-        return Truth(
-            ids_a[chosen],
-            ids_b[chosen],
-            None if swapped is None else swapped[0][chosen],
-            None if swapped is None else swapped[1][chosen],
-            all_a,
-        )
-
-    def _direct(self, a, b, vertices_a):
-        found = self._columns(a, b, ".txt")
-        if found is None:
-            found = self._lists(a, b, ".txt")
-        class_a, class_b = _class(a), _class(b)
-        if found is None and class_a != class_b:
-            found = self._columns(class_a, class_b, ".txt")
-        if found is None and self._share_order(a, b):
-            found = np.arange(vertices_a), np.arange(vertices_a)
-        if found is None:
-            raise _evaluation_error(f"{self.folder}: no truth for the pair {a} {b}")
-        return found
-
-    def _swapped(self, a, b):
-        found = self._columns(a, b, ".sym.txt")
-        if found is None:
-            found = self._lists(a, b, ".sym.txt")
-        if found is None and _class(a) == _class(b):
-            samples = self.folder / "samples" / f"{_class(a)}.txt"
-            if samples.exists():
-                found = _ids(samples), _ids(samples.with_suffix(".sym.txt"))
-        return found
-
-    def _columns(self, a, b, ending):
-        for first, second, order in ((a, b, (0, 1)), (b, a, (1, 0))):
-            path = self.folder / "corr_pairs" / f"{first}__{second}{ending}"
-            if path.exists():
-                columns = _ids(path, 2)
-                columns = columns[(columns >= 0).all(axis=1)]
-                return columns[:, order[0]], columns[:, order[1]]
-        return None
-
-    def _lists(self, a, b, ending):
-        path_a, path_b = self.folder / "corr" / f"{a}.txt", self.folder / "corr" / f"{b}{ending}"
-        if not (path_a.exists() and path_b.exists()):
-            return None
-        ids_a, ids_b = _ids(path_a), _ids(path_b)
-        if len(ids_a) != len(ids_b):
-            raise _evaluation_error(
-                f"{path_a} has {len(ids_a)} lines, {path_b} has {len(ids_b)}: they should agree"
-            )
-        both = (ids_a >= 0) & (ids_b >= 0)
-        return ids_a[both], ids_b[both]
-
-    def _share_order(self, a, b) -> bool:
-        path = self.folder / "corr" / "IDENTITY"
-        if not path.exists():
-            return False
-        patterns = [line.strip() for line in _text(path).splitlines() if line.strip()]
-        try:
-            return any(re.fullmatch(p, a) and re.fullmatch(p, b) for p in patterns)
-        except re.error as error:
-            raise _evaluation_error(
-                f"{path}: {error.pattern!r} is no regular expression ({error}); any name is .*"
-            ) from error
-
-
-def find_sets(folder, names: Iterable[str] | None = None) -> list[ShapeSet]:
-    """Sets in a folder, or the folder itself when it is one."""
-    folder = Path(folder)
-    if not folder.is_dir():
-        raise _evaluation_error(f"{folder}: no such folder")
-    if (folder / "pairs.txt").exists() and not names:
-        return [ShapeSet(folder)]
-    known = {p.name: p for p in sorted(folder.iterdir()) if (p / "pairs.txt").exists()}
-    wanted = list(names) if names else list(known)
-    for name in wanted:
-        if name not in known:
-            raise _evaluation_error(f"{folder}: no set named {name}; there are {', '.join(known) or 'none'}")
-    if not wanted:
-        raise _evaluation_error(f"{folder}: neither a pairs.txt nor a folder with one")
-    return [ShapeSet(known[name]) for name in wanted]
-
-
-def _class(name: str) -> str:
-    return re.sub(r"\d+$", "", name)
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise _evaluation_error(f"{path}: is not UTF-8 text: {error}") from error
-
-
-def _ids(path: Path, columns: int = 1) -> np.ndarray:
-    """Vertex ids of a file, (lines,) or (lines, columns)."""
-    try:
-        found = np.loadtxt(path, dtype=np.int64, ndmin=2)
-        if found.size and found.shape[1] != columns:
-            raise ValueError(f"it has {found.shape[1]}")
-    except (OSError, ValueError, OverflowError) as error:
-        raise _evaluation_error(f"{path}: should have {columns} vertex id(s) a line: {error}") from error
-    return found.reshape(-1, columns) if columns > 1 else found.reshape(-1)
-
-
-def _check_ids(ids, count: int) -> None:
-    """A mesh has all vertices that the truth or a map names: negative ids would count from its end."""
-    wrong = ids[(ids < 0) | (ids >= count)]
-    if len(wrong):
-        raise _evaluation_error(
-            f"the truth or the map names vertex {wrong[0]}, but the mesh has {count}: it is of another mesh"
-        )
-
-
-def _evaluation_error(message: str) -> Exception:
-    from sgmds import SgmdsError
-
-    return SgmdsError(message)
 
 
 # ------------------------------------------------------------------ distances
@@ -273,7 +70,7 @@ class TruthDistances:
                         self._rows = dict(zip(stored["ids"].tolist(), stored["rows"], strict=True))
                 except Exception as error:
                     # As in `archive.read`, damage shows in many ways.
-                    raise _evaluation_error(f"{self._file}: is damaged ({error}); delete it") from error
+                    raise set_error(f"{self._file}: is damaged ({error}); delete it") from error
 
     def between(self, origins, points) -> np.ndarray:
         """Distances from `origins[i]` to `points[i]`. Rows of the origins are kept, so put the truth
@@ -318,7 +115,7 @@ class TruthDistances:
             row = self._solver.geodesicDistances(np.array([origin], np.int32), None)[0]
         if not np.isfinite(row).all():
             remedy = 'try distances="exact"' if self.kind == "heat" else "join its parts or leave it out"
-            raise _evaluation_error(f"{self.kind} distances on this mesh are not finite; {remedy}")
+            raise set_error(f"{self.kind} distances on this mesh are not finite; {remedy}")
         return row
 
 
@@ -336,12 +133,12 @@ def random_rotation(seed: int, name: str) -> np.ndarray:
 
 def pair_errors(distances: TruthDistances, images, a, b) -> np.ndarray:
     """Error of each truth line; NaN where the map has no image (-1)."""
-    _check_ids(a, len(images))
-    _check_ids(b, len(distances.vertices))
+    check_ids(a, len(images))
+    check_ids(b, len(distances.vertices))
     answers = np.asarray(images)[a]
     errors = np.full(len(a), np.nan)
     matched = answers >= 0
-    _check_ids(answers[matched], len(distances.vertices))
+    check_ids(answers[matched], len(distances.vertices))
     errors[matched] = distances.between(b[matched], answers[matched])
     return errors
 
@@ -738,7 +535,7 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
         started = time.perf_counter()
         images = shapes.saved_map(method[len(SAVED) :], a, b)
         if images is None:
-            raise _evaluation_error(f"no saved map of {method[len(SAVED) :]} for this pair")
+            raise set_error(f"no saved map of {method[len(SAVED) :]} for this pair")
     else:
         import sgmds
 
@@ -748,7 +545,7 @@ def _evaluate_pair(shapes, pool, a, b, method, bound, lines, match_options) -> P
         images = corr.vertices
     seconds = time.perf_counter() - started
     if len(images) != vertices_a:
-        raise _evaluation_error(f"the map has {len(images)} images for {vertices_a} vertices")
+        raise set_error(f"the map has {len(images)} images for {vertices_a} vertices")
 
     truth = shapes.truth(a, b, vertices_a, lines)
     on_b = pool.distances(b)

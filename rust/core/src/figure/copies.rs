@@ -84,12 +84,33 @@ pub(super) fn copied(
     }))
 }
 
-/// Landmarks for what is matched of two figures, far apart from one another, on common pieces that can be no other's.
-pub(super) fn landmarks(
+/// Whether what is known of the map, pairs of given vertices, is as common pieces say.
+pub(super) fn agree(
+    source: &Figure,
+    target: &Figure,
+    common: &[Option<Original>],
+    landmarks: &[(u32, u32)],
+) -> bool {
+    let reach = COPIES.agree * vector::extent(&source.welded.vertices);
+    landmarks.iter().all(|&(s, t)| {
+        let of = |figure: &Figure, v: u32| figure.welded.class.get(v as usize).copied();
+        let (Some(s), Some(t)) = (of(source, s), of(target, t)) else {
+            // Not among the vertices, as is told when they are matched.
+            return false;
+        };
+        let place = |v: u32| source.welded.vertices[v as usize];
+        common[t as usize]
+            .is_none_or(|original| vector::distance(place(original.vertex), place(s)) <= reach)
+    })
+}
+
+/// More landmarks for what is matched of two figures, far apart from one another, on common pieces that can be no other's.
+pub(super) fn add_landmarks(
     source: &Figure,
     target: &Figure,
     found: &[Option<Original>],
-) -> Vec<(u32, u32)> {
+    landmarks: &mut Vec<(u32, u32)>,
+) {
     let known = |v: usize| {
         let original = found[v].filter(|original| original.is_only)?;
         let is_seen = source.is_matched(original.vertex) && target.is_matched(v as u32);
@@ -98,7 +119,6 @@ pub(super) fn landmarks(
     let known: Vec<(u32, u32)> = (0..found.len()).filter_map(known).collect();
     let place = |&(_, v): &(u32, u32)| target.welded.vertices[v as usize];
     let mut left: Vec<f64> = vec![f64::INFINITY; known.len()];
-    let mut landmarks: Vec<(u32, u32)> = Vec::new();
     for _ in 0..COPIES.landmarks.min(known.len()) {
         let Some(next) = (0..known.len()).max_by(|&a, &b| left[a].total_cmp(&left[b])) else {
             break;
@@ -113,7 +133,6 @@ pub(super) fn landmarks(
             *left = left.min(vector::distance(place(other), new));
         }
     }
-    landmarks
 }
 
 /// Vertices of common pieces on their originals; those of which there are several ones like it keep their confidence.

@@ -378,19 +378,22 @@ pub fn match_figures(
     {
         return Ok(found);
     }
+    let given = options.landmarks.iter();
+    let matched = |&(s, t): &_| (source.matched_vertex(s), target.matched_vertex(t));
+    let mut landmarks: Vec<(u32, u32)> = given.map(matched).collect();
     let has_pieces = source.pieces > 1 || target.pieces > 1;
-    let by_copies = options.method == Method::Auto && is_free && has_pieces;
-    let landmarks = if by_copies {
+    let mut by_copies =
+        options.method == Method::Auto && options.coverage.is_none() && has_pieces;
+    if by_copies {
         let common = copies::common(source, target, None, progress)?;
-        if let Some(found) = copies::copied(source, target, &common, progress)? {
-            return Ok(found);
+        by_copies = copies::agree(source, target, &common, &options.landmarks);
+        if by_copies {
+            if let Some(found) = copies::copied(source, target, &common, progress)? {
+                return Ok(found);
+            }
+            copies::add_landmarks(source, target, &common, &mut landmarks);
         }
-        copies::landmarks(source, target, &common)
-    } else {
-        let given = options.landmarks.iter();
-        let matched = |&(s, t): &_| (source.matched_vertex(s), target.matched_vertex(t));
-        given.map(matched).collect()
-    };
+    }
     let within = Options {
         landmarks,
         ..options.clone()

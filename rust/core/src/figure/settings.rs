@@ -8,6 +8,9 @@ settings! {
         /// Landmarks drawn from copies: as many as points that a registration gives, see the search's use of
         /// landmarks.
         landmarks: usize = 12,
+        /// Landmarks say the same as common pieces where they lie nearer to the originals than this, over the extent:
+        /// a limb's width.
+        agree: f64 = 0.05,
         /// Share of what is seen on common pieces from which they are the map: as much as one piece has to carry to
         /// be matched by itself.
         enough: f64 = 0.97,

@@ -309,7 +309,7 @@ mod tests {
     use super::*;
     use crate::matching::problem::constraints::Constraints;
     use crate::matching::problem::pair::Coverage;
-    use crate::testing::{RINGS, pair, torus};
+    use crate::testing::{AROUND, RINGS, pair, torus};
 
     /// The same vertices moved outward by so much, then by a map.
     fn changed(shape: &Shape, outward: f64, moved: impl Fn(Point) -> Point) -> Shape {
@@ -367,6 +367,27 @@ mod tests {
         let before = off(&Figure::new(&target, UNTURNED, as_given.up, 1.0).places);
         let after = off(&registered.places);
         assert!(after < 0.3 * before, "{after} of {before}");
+    }
+
+    /// A point a seventh of the way around from its counterpart.
+    #[test]
+    fn a_landmark_is_drawn_to_its_place() {
+        let [target, source] = thicker_and_larger();
+        let samples = [&target, &source].map(|shape| shape.drawn_vertices(STANDING.samples));
+        let samples = [samples[0].as_slice(), &samples[1]];
+        let [from, to] = [0, (RINGS / 7 * AROUND) as u32];
+        let apart = |landmarks: Vec<(u32, u32)>| {
+            let progress = Progress::default();
+            let known = Constraints::new(&source, &target, landmarks, false, &progress);
+            let known = known.expect("not cancelled");
+            let pair = pair(&source, &target, Coverage::BOTH, &known);
+            let as_given = alignments(&pair)[0];
+            let found = registered(&pair, &as_given, samples, &|| Ok(()));
+            let (registered, onto) = found.expect("regular");
+            vector::distance(registered.places[from as usize], onto.places[to as usize])
+        };
+        let (free, held) = (apart(Vec::new()), apart(vec![(to, from)]));
+        assert!(held < 0.1 * free, "{held} of {free}");
     }
 
     /// However it was turned, each sample finds its counterpart.
