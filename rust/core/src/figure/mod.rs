@@ -382,8 +382,7 @@ pub fn match_figures(
     let matched = |&(s, t): &_| (source.matched_vertex(s), target.matched_vertex(t));
     let mut landmarks: Vec<(u32, u32)> = given.map(matched).collect();
     let has_pieces = source.pieces > 1 || target.pieces > 1;
-    let mut by_copies =
-        options.method == Method::Auto && options.coverage.is_none() && has_pieces;
+    let mut by_copies = options.method == Method::Auto && options.coverage.is_none() && has_pieces;
     if by_copies {
         let common = copies::common(source, target, None, progress)?;
         by_copies = copies::agree(source, target, &common, &options.landmarks);

@@ -72,20 +72,23 @@ pub fn originals(
     let mut pieces = search.pieces();
     pieces.retain(|piece| (COPIES.fewest_faces..=source.faces.len()).contains(&piece.len()));
     let (mut left, mut holders) = (Vec::new(), Vec::new());
-    for piece in pieces {
+    for faces in pieces {
         check()?;
-        match search.best_of(&piece, &similar, images) {
+        match search.best_of(&faces, &similar, images) {
             Some((best, true)) => {
                 holders.push(search.holder(&best));
                 search.take(best, true, &mut found);
             }
-            _ => left.push(piece),
+            best => left.push(Left {
+                faces,
+                is_copy: best.is_some(),
+            }),
         }
     }
     search.assemble(&mut left, holders, &similar, &mut found, check)?;
-    for piece in left {
+    for piece in left.iter().filter(|piece| piece.is_copy) {
         check()?;
-        if let Some((best, is_only)) = search.best_of(&piece, &similar, images) {
+        if let Some((best, is_only)) = search.best_of(&piece.faces, &similar, images) {
             search.take(best, is_only, &mut found);
         }
     }
@@ -169,6 +172,12 @@ struct Held {
     /// Whether no other way onto the same piece would do.
     is_only: bool,
     way: Laid,
+}
+
+/// A piece that is no copy by itself, or one in several ways.
+struct Left {
+    faces: Vec<u32>,
+    is_copy: bool,
 }
 
 struct Search<'a> {
@@ -319,7 +328,7 @@ impl Search<'_> {
     /// Of the pieces left takes those that are told by what holds them, again and again, since each may hold others.
     fn assemble(
         &mut self,
-        left: &mut Vec<Vec<u32>>,
+        left: &mut Vec<Left>,
         mut holders: Vec<Holder>,
         similar: &Similar,
         found: &mut [Option<Original>],
@@ -329,10 +338,10 @@ impl Search<'_> {
         self.seeds = COPIES.drawn;
         while !holders.is_empty() {
             let mut told = Vec::new();
-            for (number, piece) in left.iter().enumerate() {
+            for (number, Left { faces, .. }) in left.iter().enumerate() {
                 check()?;
-                let joints = self.joints(piece, &holders);
-                if let Some(held) = self.held(piece, &joints, similar) {
+                let joints = self.joints(faces, &holders);
+                if let Some(held) = self.held(faces, &joints, similar) {
                     told.push((number, held));
                 }
             }
