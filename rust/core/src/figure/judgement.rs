@@ -33,7 +33,8 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
             100.0 * unknown
         ));
     }
-    let is_told = is_way_round_told(found, source, target);
+    let turns = source.turns_onto_itself() || target.turns_onto_itself();
+    let is_told = turns && is_way_round_told(found, source, target);
     for (role, figure) in [("source", source), ("target", target)] {
         let vertices = figure.shape.given_mesh().vertices.len();
         if vertices < JUDGEMENT.fewest_sure {
@@ -75,7 +76,8 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
 /// alone, but around them too.
 fn is_way_round_told(found: &FigureMap, source: &Figure, target: &Figure) -> bool {
     let landmarks = &found.landmarks;
-    source.are_off_every_axis(landmarks.iter().map(|&(s, _)| s))
+    !landmarks.is_empty()
+        && source.are_off_every_axis(landmarks.iter().map(|&(s, _)| s))
         && target.are_off_every_axis(landmarks.iter().map(|&(_, t)| t))
         && landmarks.iter().all(|&(s, t)| {
             let (own, images) = around(found, source, target, t);
