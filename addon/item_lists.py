@@ -45,9 +45,11 @@ class VIEW3D_UL_spectral_match_items(UIList):
         layout: bpy.types.UILayout,
         data: Any,
         item: Any,
-        _icon: int,
+        _icon: int | None,
         _active_data: Any,
-        _active_property: str,
+        _active_name: str | None,
+        _index: int | None = 0,
+        _flag: int | None = 0,
     ) -> None:
         _draw_item(layout, context.scene.spectral_match, data.name, item.name)
 
@@ -56,15 +58,16 @@ class VIEW3D_UL_spectral_match_items(UIList):
         row.prop(self, "use_filter_sort_alpha", text="Sort by Name", toggle=True)
         row.prop(self, "use_filter_sort_reverse", text="", icon="SORT_DESC")
 
-    def filter_items(
+    # The stubs have it return nothing; Blender wants flags and order.
+    def filter_items(  # type: ignore[override]
         self, context: bpy.types.Context, data: Any, property: str
     ) -> tuple[list[int], list[int]]:
         entries = getattr(data, property)
         names = [entry.name for entry in entries]
         found = set(context.scene.spectral_match.found(names))
         flags = [self.bitflag_filter_item if name in found else 0 for name in names]
-        sort = bpy.types.UI_UL_list.sort_items_by_name
-        return flags, sort(entries) if self.use_filter_sort_alpha else []
+        by_name = bpy.types.UI_UL_list.sort_items_by_name(entries) if self.use_filter_sort_alpha else None
+        return flags, by_name or []
 
 
 def draw(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequence[str]) -> None:

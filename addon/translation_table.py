@@ -85,6 +85,11 @@ TABLE = (
         "転送先は転送元が着ています。各点は真下の点を使います",
         "目标穿在来源上:每个点取其下方的点",
     ),
+    (
+        "Both have the same pieces: each point takes the same one",
+        "両者は同じ部品です。各点は同じ点を使います",
+        "两者部件相同:每个点取相同的点",
+    ),
     ("The target looks like a part of the source", "転送先は転送元の一部のようです", "目标像是来源的一部分"),
     ("The source looks like a part of the target", "転送元は転送先の一部のようです", "来源像是目标的一部分"),
     (
