@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 from bpy.props import CollectionProperty, IntProperty
-from bpy.types import PropertyGroup, UIList
+from bpy.types import PropertyGroup
 
+from .lines import Lines
 from .typed import Settings
 
 if TYPE_CHECKING:
@@ -36,21 +37,10 @@ class SPECTRAL_MATCH_PG_list(PropertyGroup):
     line: IntProperty(name="Item")
 
 
-class VIEW3D_UL_spectral_match_items(UIList):
+class VIEW3D_UL_spectral_match_items(Lines):
     """Items of a kind with check boxes, of which the panel's search leaves some."""
 
-    def draw_item(
-        self,
-        context: bpy.types.Context,
-        layout: bpy.types.UILayout,
-        data: Any,
-        item: Any,
-        _icon: int | None,
-        _active_data: Any,
-        _active_name: str | None,
-        _index: int | None = 0,
-        _flag: int | None = 0,
-    ) -> None:
+    def draw_line(self, context: bpy.types.Context, layout: bpy.types.UILayout, data: Any, item: Any) -> None:
         _draw_item(layout, context.scene.spectral_match, data.name, item.name)
 
     def draw_filter(self, _context: bpy.types.Context, layout: bpy.types.UILayout) -> None:
@@ -58,10 +48,7 @@ class VIEW3D_UL_spectral_match_items(UIList):
         row.prop(self, "use_filter_sort_alpha", text="Sort by Name", toggle=True)
         row.prop(self, "use_filter_sort_reverse", text="", icon="SORT_DESC")
 
-    # The stubs have it return nothing; Blender wants flags and order.
-    def filter_items(  # type: ignore[override]
-        self, context: bpy.types.Context, data: Any, property: str
-    ) -> tuple[list[int], list[int]]:
+    def filter_items(self, context: bpy.types.Context, data: Any, property: str) -> Any:
         entries = getattr(data, property)
         names = [entry.name for entry in entries]
         found = set(context.scene.spectral_match.found(names))

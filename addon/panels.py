@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import bpy
 from bl_ui.utils import PresetPanel
-from bpy.types import Panel, UIList
+from bpy.types import Panel
 
 from . import job as job_module
 from . import (
@@ -25,6 +25,7 @@ from . import (
     wording,
 )
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_option, draw_words, fold
+from .lines import Lines
 from .operators import pick, show
 from .operators.outfit import wearer_of
 from .operators.settings import PRESETS, draw_presets, path_menu
@@ -193,7 +194,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             row.operator("spectral_match.cancel", text="", icon="X")
 
 
-class PiecesList(UIList):
+class PiecesList(Lines):
     """All objects of the file, of which only the meshes of one character are listed."""
 
     bl_options: set[Any] = set()
@@ -203,18 +204,7 @@ class PiecesList(UIList):
     def bodies(context: bpy.types.Context) -> Sequence[Character]:
         raise NotImplementedError
 
-    def draw_item(
-        self,
-        context: bpy.types.Context,
-        layout: bpy.types.UILayout,
-        _data: Any,
-        obj: Any,
-        _icon: int | None,
-        _active_data: Any,
-        _active_name: str | None,
-        index: int | None = 0,
-        _flag: int | None = 0,
-    ) -> None:
+    def draw_line(self, context: bpy.types.Context, layout: bpy.types.UILayout, _data: Any, obj: Any) -> None:
         taken = any(obj in body.pieces for body in self.bodies(context))
         row = layout.row(align=True)
         button = row.operator(
@@ -425,20 +415,11 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
                 ways.prop(settings, way, toggle=True)
 
 
-class VIEW3D_UL_spectral_match_landmarks(UIList):
+class VIEW3D_UL_spectral_match_landmarks(Lines):
     """The landmarks of the chosen pair."""
 
-    def draw_item(
-        self,
-        context: bpy.types.Context,
-        layout: bpy.types.UILayout,
-        data: Any,
-        item: Any,
-        _icon: int | None,
-        _active_data: Any,
-        _active_name: str | None,
-        index: int | None = 0,
-        _flag: int | None = 0,
+    def draw_line(
+        self, context: bpy.types.Context, layout: bpy.types.UILayout, _data: Any, item: Any
     ) -> None:
         found = pair.shown(context)
         row = layout.row(align=True)
