@@ -33,6 +33,11 @@ BODIES = {
     for build in ("average", "max", "min")
 }
 UNITS = "expression/units/caucasian/"
+# Groups of the base mesh that a face consists of besides the body.
+PIECES = (
+    *(f"helper-{side}-{part}" for side in "lr" for part in ("eye", "eyelashes-1", "eyelashes-2")),
+    *("helper-upper-teeth", "helper-lower-teeth", "helper-tongue"),
+)
 KEYS = {"blink": "eye-left-closure", "smile": "mouth-corner-puller", "jawOpen": "mouth-open"}
 # Vertices that move by more than this share of the largest displacement are measured.
 MOVING = 0.6
@@ -52,6 +57,12 @@ class MakeHuman:
         self.folder = Path(folder)
         self.vertices, self.faces, groups = read_obj(self.folder / "base.obj")
         self.body = [self.faces[i] for i in groups["body"]]
+        self.pieces = [self.faces[i] for name in PIECES for i in groups[name]]
+        # Number of the piece of each vertex, the body 0.
+        self.piece = np.zeros(len(self.vertices), int)
+        for number, name in enumerate(PIECES, 1):
+            for i in groups[name]:
+                self.piece[self.faces[i]] = number
 
     def target(self, *names):
         """Displacements of some targets together, (n, 3)."""
@@ -92,10 +103,11 @@ class MakeHuman:
 class Body:
     """A mesh whose vertices are carried by base vertices."""
 
-    def __init__(self, name, makehuman, shape, proxy=None):
+    def __init__(self, name, makehuman, shape, proxy=None, pieces=False):
         positions = makehuman.vertices + makehuman.target(*BODIES[shape])
         if proxy is None:
-            faces, by, weights, place = makehuman.body, np.arange(len(positions))[:, None], None, positions
+            faces = makehuman.body + (makehuman.pieces if pieces else [])
+            by, weights, place = np.arange(len(positions))[:, None], None, positions
         else:
             faces, by, weights, place = makehuman.proxy(proxy, positions)
         used = np.unique(np.concatenate([np.asarray(f) for f in faces]))
@@ -236,13 +248,13 @@ def read_obj(path):
 def pairs_of(makehuman):
     """Name → function that makes (source, target)."""
 
-    def body(name, *proxy):
-        return Body(name, makehuman, name, *proxy)
+    def body(name, *proxy, **options):
+        return Body(name, makehuman, name, *proxy, **options)
 
-    def heads(*names):
+    def heads(*names, **options):
         made = []
         for name in names:
-            whole = body(name)
+            whole = body(name, **options)
             jaw = whole.carried(np.linalg.norm(makehuman.target(UNITS + "mouth-open"), axis=1))
             made.append(whole.head(whole.vertices[jaw > 0.5 * jaw.max(), 2].min() - HEAD_ABOVE_CHIN))
         return made
@@ -257,6 +269,8 @@ def pairs_of(makehuman):
         "woman → man, low to high": lambda: (body("woman"), body("man").subdivided()),
         "head → head": lambda: tuple(heads("woman", "man")),
         "head → head, subdivided": lambda: tuple(h.subdivided() for h in heads("woman", "man")),
+        "faces of ten pieces, woman → child": lambda: tuple(heads("woman", "man child", pieces=True)),
+        "faces of ten pieces, man → old woman": lambda: tuple(heads("man", "woman old", pieces=True)),
         "head → body": lambda: (heads("woman")[0], body("man")),
         "woman → its copy": lambda: (body("woman"), body("woman").turned()),
     }
@@ -295,12 +309,14 @@ def measured(source, target, keys, sheets, makehuman, keep_contacts=True):
         side = np.einsum("ij,ij->i", images[0], source.carried(sheet)[images[1]])
         exchanged.append(int(((side * target.carried(sheet)) < -0.5).sum()))
     place = np.einsum("ij,ijc->ic", images[0], source.vertices[images[1]])
+    piece = [makehuman.piece[each.by[:, 0]] for each in (source, target)]
     pair = {
         "vertices": [len(source.vertices), len(target.vertices)],
         "seconds": seconds,
         "CPU seconds": worked,
         "lids": exchanged[0],
         "lips": exchanged[1],
+        "pieces": int((piece[0][images[1][:, 0]] != piece[1]).sum()),
         "grade": found.quality.grade,
         "scale": scale,
     }
@@ -365,7 +381,7 @@ def main():
         print(
             f"{name}: {len(source.vertices)} → {len(target.vertices)} vertices, {pair['seconds']:.2f} s "
             f"({pair['CPU seconds']:.2f} s of CPU), grade {pair['grade']}, "
-            f"exchanged: lids {pair['lids']}, lips {pair['lips']}"
+            f"exchanged: lids {pair['lids']}, lips {pair['lips']}, pieces {pair['pieces']}"
             + (f", copy off by {pair['copy mm']:.4f} mm" if "copy mm" in pair else "")
         )
         for key, row in rows.items():

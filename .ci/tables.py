@@ -126,7 +126,7 @@ def faces() -> str:
             [name, " → ".join(f"{n:,}" for n in pair["vertices"])]
             + [f"{keys[key]['error %']:.0f}" for key in SHOWN_KEYS]
             + [f"{fmean(key[what] for key in keys.values()):.0f}" for what in ("error %", "95 %", "angle")]
-            + [number(closed, 2), str(pair["lids"] + pair["lips"]), pair["grade"]]
+            + [number(closed, 2), str(pair["lids"] + pair["lips"] + pair["pieces"]), pair["grade"]]
             + [f"{pair['CPU seconds']:.1f} s"]
         )
     head = ["pair", "vertices", "blink", "smile", "jaw open", "all keys", "95 %", "angle °", "lid gap closed"]

@@ -359,6 +359,37 @@ def test_small_parts_go_to_their_counterparts(character):
     np.testing.assert_allclose(moved, target[0][count:], atol=1e-6)
 
 
+def test_a_small_part_goes_to_what_has_its_shape(character):
+    """A plate and a ball, the plate where the other's ball is; without a plate there is no counterpart."""
+    ball, triangles, _ = sphere(6, 8)
+    plate = ball * (1.4, 1.4, 0.1)
+    head = character.body.starts[character.body.names.index("head")]
+
+    def beside(*pieces):
+        points, faces = [character.vertices], [character.faces]
+        for shape, x in pieces:
+            faces.append(triangles + sum(map(len, points)))
+            points.append(head + (x, -0.3, 0.1) + 0.05 * shape)
+        return np.concatenate(points), np.concatenate(faces)
+
+    def moved(source, target):
+        count = len(character.vertices)
+        triangle, corner = np.zeros(len(target[0]), int), np.zeros(len(target[0]), int)
+        for k in range(3):
+            triangle[character.faces[:, k]], corner[character.faces[:, k]] = np.arange(len(character.faces)), k
+        trust = np.where(np.arange(len(target[0])) < count, 1.0, 0.0)
+        return sgmds.SurfaceMap(source, target, triangle, np.eye(3)[corner], trust)
+
+    n, extra = len(character.vertices), len(ball)
+    source = beside((ball, 0.0), (plate, 0.06))
+    way = moved(source, beside((plate, 0.01), (ball, 0.05)))
+    # The plate comes first on the target and second on the source.
+    np.testing.assert_allclose(way.images[n : n + extra], source[0][n + extra :], atol=1e-3)
+    np.testing.assert_allclose(way.images[n + extra :], source[0][n : n + extra], atol=1e-3)
+    without = moved(beside((ball, 0.0)), beside((plate, 0.01)))
+    assert (without.confidence[n:] == 0.0).all()
+
+
 def test_what_does_not_fit_is_refused_in_words(character):
     mesh = character.vertices, character.faces
     count = len(character.vertices)

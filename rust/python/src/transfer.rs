@@ -205,7 +205,8 @@ impl SurfaceMap {
                 || Surface::new(source.0, &source.1),
                 || Surface::new(target.0, &target.1),
             );
-            transfer::SurfaceMap::new(source?, target?, &faces, &weights, confidence)?.with_parts()
+            transfer::SurfaceMap::new(source?, target?, &faces, &weights, confidence)?
+                .on_counterparts()
         })?;
         Ok(Self {
             map: Arc::new(map),

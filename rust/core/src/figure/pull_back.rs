@@ -236,7 +236,7 @@ fn on_counterparts(source: &Figure, target: &Figure, placed: Vec<Placed>) -> Res
     let weights: Vec<[f64; 3]> = placed.iter().map(|p| p.point.weights).collect();
     let confidence = placed.iter().map(|p| p.confidence).collect();
     let (source, target) = (source.given()?.clone(), target.given()?.clone());
-    let map = SurfaceMap::new(source, target, &faces, &weights, confidence)?.with_parts()?;
+    let map = SurfaceMap::new(source, target, &faces, &weights, confidence)?.on_counterparts()?;
     let points = map.points.iter().zip(&map.confidence);
     Ok(points
         .map(|(&point, &confidence)| Placed { point, confidence })

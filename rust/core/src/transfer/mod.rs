@@ -5,6 +5,7 @@
 
 pub mod contacts;
 pub mod corners;
+pub mod counterparts;
 pub mod curves;
 pub mod diffusion;
 pub mod displacement;

@@ -1,4 +1,4 @@
-//! Small parts (eyes, teeth, buttons): they follow the large part they sit on.
+//! Connected parts, and points beside a surface that follow it.
 
 use crate::algebra::similarity::Similarity;
 use crate::algebra::space_tree::SpaceTree;
@@ -6,8 +6,6 @@ use crate::algebra::unions::Unions;
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
 use crate::mesh::Adjacency;
-use crate::mesh::surface_point::SurfacePoint;
-use crate::transfer::settings::PARTS;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
 
@@ -33,121 +31,7 @@ pub fn components(surface: &Surface) -> (Vec<u32>, usize) {
     (label, found as usize)
 }
 
-/// Centre and root mean square radius of points.
-fn extent(points: impl Iterator<Item = Point> + Clone) -> (Point, f64) {
-    let count = points.clone().count().max(1) as f64;
-    let centre = points.clone().fold([0.0; 3], |sum, p| {
-        vector::add(sum, vector::scaled(p, 1.0 / count))
-    });
-    let square: f64 = points
-        .map(|p| vector::sub(p, centre))
-        .map(|d| vector::dot(d, d))
-        .sum();
-    (centre, (square / count).sqrt())
-}
-
 impl SurfaceMap {
-    /// The map with the target's unmatched parts put onto their counterparts on the source.
-    ///
-    /// A part is unmatched when no vertex of it has any confidence. The similarity of the matched
-    /// surface around it takes it to the source; the unmatched part of the source that is there
-    /// and of about its size is its counterpart. Without one it keeps the image it had, on the
-    /// part it sits on.
-    ///
-    /// # Errors
-    /// None beyond those of [`SurfaceMap::new`], which its own parts satisfy.
-    pub fn with_parts(self) -> Result<Self> {
-        let (part, count) = components(&self.target);
-        let mut matched = vec![false; count];
-        for (v, &c) in self.confidence.iter().enumerate() {
-            matched[part[v] as usize] |= c > 0.0;
-        }
-        if !matched.contains(&false) || !matched.contains(&true) {
-            return Ok(self);
-        }
-        let (source_part, source_count) = components(&self.source);
-        let mut taken = vec![false; source_count];
-        for (v, point) in self.points.iter().enumerate() {
-            if matched[part[v] as usize] {
-                let corner = self.source.triangles[point.face as usize][0];
-                taken[source_part[corner as usize] as usize] = true;
-            }
-        }
-        let extents: Vec<(Point, f64)> = (0..source_count)
-            .map(|c| {
-                let own = |v: &usize| source_part[*v] as usize == c;
-                extent(
-                    (0..source_part.len())
-                        .filter(own)
-                        .map(|v| self.source.vertices[v]),
-                )
-            })
-            .collect();
-        let mut points = self.points.clone();
-        let mut confidence = self.confidence.clone();
-        for c in (0..count).filter(|&c| !matched[c]) {
-            let own: Vec<usize> = (0..part.len()).filter(|&v| part[v] as usize == c).collect();
-            let (centre, radius) = extent(own.iter().map(|&v| self.target.vertices[v]));
-            if radius <= 0.0 {
-                continue;
-            }
-            let there = self.surroundings(centre, radius, |v| matched[part[v] as usize]);
-            let moved: Vec<Point> = own
-                .iter()
-                .map(|&v| there.apply(self.target.vertices[v]))
-                .collect();
-            let (centre, radius) = extent(moved.iter().copied());
-            let best = (0..source_count)
-                .filter(|&d| !taken[d] && extents[d].1 > 0.0)
-                .map(|d| (vector::distance(centre, extents[d].0), d))
-                .filter(|&(offset, d)| {
-                    let ratio = extents[d].1 / radius;
-                    offset <= PARTS.largest_offset * radius.max(extents[d].1)
-                        && ratio.max(1.0 / ratio) <= PARTS.largest_ratio
-                })
-                .min_by(|a, b| a.0.total_cmp(&b.0));
-            let Some((_, d)) = best else { continue };
-            let allowed = |t: u32| {
-                let corner = self.source.triangles[t as usize][0];
-                source_part[corner as usize] as usize == d
-            };
-            for (&v, &p) in own.iter().zip(&moved) {
-                let offset = vector::scaled(vector::sub(p, centre), extents[d].1 / radius);
-                let goal = vector::add(extents[d].0, offset);
-                if let Some(point) = self.source.nearest_where(goal, None, allowed) {
-                    points[v] = point;
-                    confidence[v] = PARTS.part_confidence;
-                }
-            }
-        }
-        let faces: Vec<i64> = points.iter().map(|p| i64::from(p.face)).collect();
-        let weights: Vec<[f64; 3]> = points.iter().map(|p: &SurfacePoint| p.weights).collect();
-        Self::new(self.source, self.target, &faces, &weights, confidence)
-    }
-
-    /// The similarity from target to source of the vertices around a place.
-    fn surroundings(
-        &self,
-        centre: Point,
-        radius: f64,
-        counts: impl Fn(usize) -> bool,
-    ) -> Similarity {
-        let near = (0..self.points.len())
-            .filter(|&v| counts(v))
-            .map(|v| vector::distance(self.target.vertices[v], centre))
-            .fold(f64::INFINITY, f64::min);
-        let width = radius + near;
-        let pairs: Vec<(Point, Point, f64)> = (0..self.points.len())
-            .filter(|&v| counts(v))
-            .map(|v| {
-                let far = vector::distance(self.target.vertices[v], centre) / width;
-                let weight = (-far * far).exp();
-                (self.target.vertices[v], self.images()[v], weight)
-            })
-            .collect();
-        Similarity::fitted(&pairs, self.mirrors())
-    }
-
     /// Points near the source, such as those of clothes, where the target's surface takes them.
     ///
     /// A point keeps its place beside the surface, turned and scaled as the map does there. Points

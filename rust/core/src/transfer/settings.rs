@@ -179,15 +179,19 @@ settings! {
         moves: usize = 4,
     }
 
-    /// Small parts (eyes, teeth, buttons): they follow the large part they sit on.
-    PARTS: Parts {
-        /// A part of the source is the counterpart of a small part when their centres, brought together by the body
-        /// around, are at most this many radii apart.
+    /// Pieces that were not matched (eyes, teeth, a tongue, buttons) on their counterparts.
+    COUNTERPARTS: Counterparts {
+        /// Centres of counterparts, brought together by the body around, are at most this many radii apart.
         largest_offset: f64 = 1.5,
         /// Nor may one be this much larger than the other.
         largest_ratio: f64 = 2.5,
-        /// Trust in the image of a small part that was put onto its counterpart.
-        part_confidence: f64 = 0.5,
+        /// κ, what a difference of shape counts beside the distance of the centres, both in radii: of 648 eyes, lashes,
+        /// teeth and tongues of nine people, the body around 6 mm off, 1 goes wrong; 1 times as much leaves 11, none 105.
+        shape: f64 = 3.0,
+        /// Most that a counterpart costs. Right ones of those people cost 1.1 in 99 of 100, the best of the wrong ones 0.6.
+        largest_cost: f64 = 1.2,
+        /// Trust in the image of a piece that was put onto its counterpart.
+        confidence: f64 = 0.5,
     }
 
     /// Where the source's seams run over the target's faces, as cuts from edge to edge.

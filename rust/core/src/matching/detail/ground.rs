@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::algebra::oriented_tree::{Oriented, OrientedTree, oriented, squared_distance};
 use crate::algebra::vector::{self, Point};
+use crate::matching::detail::creases::Creases;
 use crate::mesh::surface_point::{SurfacePoint, nearest_in_triangle};
 use crate::mesh::{Adjacency, Mesh};
 
@@ -51,6 +52,14 @@ impl<'a> Ground<'a> {
             oriented,
             on_rim,
         }
+    }
+
+    /// Its creases at a finest length of averaging.
+    pub(super) fn creases(&self, length: f64) -> Creases {
+        let normals: Vec<Point> = (self.oriented.iter())
+            .map(|&[.., x, y, z]| [x, y, z])
+            .collect();
+        Creases::new(self.mesh, &normals, &self.on_rim, length)
     }
 
     /// The points that are nearest to places of vertices, normals weighted by each one's ρ; `known` are vertices close by.

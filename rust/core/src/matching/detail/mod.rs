@@ -17,14 +17,16 @@
 //! Vetter, "Optimal step nonrigid ICP algorithms for surface registration", 2007 (stiffness lowered step by step); Thirion,
 //! "Image matching as a diffusion process: an analogy with Maxwell's demons", 1998 (steps smoothed, not their sum).
 
+mod creases;
 mod ground;
 mod membrane;
 pub mod settings;
 mod similar;
 
+use crate::algebra::oriented_tree::oriented;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
-use crate::matching::detail::settings::DETAIL;
+use crate::matching::detail::settings::{CREASES, DETAIL};
 use crate::mesh::copies::{Triangles, originals};
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::mesh::settings::COPIES;
@@ -32,6 +34,7 @@ use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::{Mesh, normals_of};
 use crate::watch::progress::Check;
 
+use creases::{Creases, bends};
 use ground::Ground;
 use membrane::{Membrane, Symmetric, along, times};
 
@@ -94,6 +97,8 @@ pub(crate) fn refined(
     let own_edges = edge_lengths(rest, &edges);
     let finest = DETAIL.finest * quantile(&own_edges, DETAIL.fine_part);
     let facing = if mirrored { -1.0 } else { 1.0 };
+    let creases = ground.creases(finest);
+    let own_bends = bends(target, &target.vertex_normals());
     let mut places = similar::laid(rest, (&areas, &edges), &images, mirrored, check)?;
     let mut known: Vec<u32> = points
         .iter()
@@ -145,8 +150,23 @@ pub(crate) fn refined(
                 } else {
                     areas[v] * agree * agree
                 };
-                let draw = along(foot.normal, DETAIL.across, weight);
-                right.push(times(&draw, vector::sub(foot.place, places[v])));
+                let mut draw = along(foot.normal, DETAIL.across, weight);
+                let mut toward = times(&draw, vector::sub(foot.place, places[v]));
+                let crease = if length < creases.reach() {
+                    let query = oriented(places[v], facing[v]);
+                    creases.nearest(&own_bends[v], &query, rho[v] * rho[v])
+                } else {
+                    None
+                };
+                if let Some((place, across, cosine)) = crease {
+                    let more = along(across, 0.0, CREASES.drawn * areas[v] * cosine * cosine);
+                    let off = times(&more, vector::sub(place, places[v]));
+                    toward = vector::add(toward, off);
+                    for (all, more) in draw.iter_mut().zip(more) {
+                        *all += more;
+                    }
+                }
+                right.push(toward);
                 let least = DETAIL.least_draw * areas[v];
                 let [xx, xy, xz, yy, yz, zz] = draw;
                 drawn.push([xx + least, xy, xz, yy + least, yz, zz + least]);

@@ -37,6 +37,16 @@ settings! {
         given: f64 = 1e4,
     }
 
+    /// Creases draw creases across the normal. Lengths are in the finest lengths of averaging.
+    CREASES: Creases {
+        /// Curvature of a crease, radians a length: of a radius of 5 mm on a person's face of 2 mm edges.
+        bend: f64 = 0.28,
+        /// From how far a crease draws, once displacements are averaged over less than that.
+        reach: f64 = 3.0,
+        /// How strongly, relative to the surface along its normal.
+        drawn: f64 = 1.0,
+    }
+
     /// The surface laid through its images, as similar to itself around each vertex as they allow.
     SIMILAR: Similar {
         /// √μ, the length over which images are averaged at unit area: two edges of a working mesh.
