@@ -5,7 +5,7 @@
 //! images and then moves onto the source's given surface in steps: each vertex is drawn along the normal of the source's
 //! point that is near *and faces the same way*, and the displacements of a step are those of a [membrane] whose length of
 //! averaging falls from `DETAIL.coarsest` to that of the finest edges. The surface moves as a whole, so that neighbours stay
-//! neighbours along it, and sheets that face each other are never exchanged.
+//! neighbours along it, and sheets that face each other are never exchanged. [Creases](creases) are drawn to creases.
 //!
 //! A target that is a [copy](crate::mesh::copies) of the source or of a part of it answers vertex to vertex.
 //!
