@@ -25,7 +25,7 @@ PAGES = {
         "go_to_landmark",
     ),
     "transfer": ("transfer", "toggle_item", "choose_items"),
-    "outfit": ("fit_outfit", "toggle_worn"),
+    "outfit": ("fit_outfit", "toggle_worn", "closer_look"),
     "batch": ("batch",),
     "preferences": ("clear_cache",),
 }

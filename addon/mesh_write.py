@@ -190,7 +190,7 @@ def write_match(
             write_places(mesh, len(sources) > 1, *(np.asarray(values)[own] for values in places))
             write_attribute(mesh, "match_confidence", "FLOAT", "POINT", confidence[own])
             if HEAT in mesh.attributes:
-                write_heat(mesh)
+                write_heat(mesh, confidence[own])
     colours, pieces = palette.surface_colours(source_surface.local), figure.parts(source_surface)
     write_colours(
         sources,
@@ -260,10 +260,9 @@ def _write_colour(mesh: bpy.types.Mesh, values: Floats) -> None:
 HEAT = "match_heat"
 
 
-def write_heat(mesh: bpy.types.Mesh) -> None:
-    """Confidence as colours, beside the plain number."""
-    confidence = read_attribute(mesh.attributes["match_confidence"])
-    write_attribute(mesh, HEAT, "FLOAT_COLOR", "POINT", palette.heat_colours(confidence))
+def write_heat(mesh: bpy.types.Mesh, shares: Floats) -> None:
+    """Numbers in [0, 1] of all vertices as colours: blue at 1, yellow at 0."""
+    write_attribute(mesh, HEAT, "FLOAT_COLOR", "POINT", palette.heat_colours(shares))
 
 
 def _remember(

@@ -199,6 +199,11 @@ MESSAGES = (
         "匹配正在进行。请等待,或按 Esc 停止",
     ),
     (
+        "No outfit was fitted since the file was opened. Press Fit Outfit first",
+        "ファイルを開いてから合わせた衣装がありません。先に「衣装を合わせる」を押してください",
+        "打开文件后尚未适配服装。先按“适配服装”",
+    ),
+    (
         "Nothing is matched yet. Press Match first",
         "まだマッチがありません。先に「マッチ」を押してください",
         "尚无匹配。请先按“匹配”",
@@ -821,6 +826,11 @@ MESSAGES = (
         "'{2}' 的 {1} 根发束中有 {0} 根位于 '{3}' 以外的网格,而毛发节点会将其全部附着到 '{3}'",
     ),
     # Fit Outfit.
+    (
+        "'{}' has no body: the outfit was fitted by what it covers",
+        "'{}' には体がないため、衣装は覆う部分に合わせました",
+        "'{}' 没有身体:服装按其覆盖的部分适配",
+    ),
     (
         "'{}' is one mesh. Separate its clothes into objects of their own: select their faces in Edit "
         "Mode and press P",

@@ -27,7 +27,7 @@ from . import (
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_option, draw_words, fold
 from .lines import Lines
 from .operators import pick, show
-from .operators.outfit import wearer_of
+from .operators.outfit import copies_on, wearer_of
 from .operators.settings import PRESETS, draw_presets, path_menu
 from .outfit import live, wardrobe
 from .translation import OWN_CONTEXT, said
@@ -503,9 +503,9 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
             draw_words(context, layout, found.missing, "INFO")
             return
         wearer = wearer_of(found)
-        if len(wearer.whole) == 1:
-            draw_words(context, layout, "The source wears no objects of their own", "INFO")
-            return
+        if len(wearer.whole) == 1 and not wardrobe.worn(wearer):
+            words = "The source wears no objects of their own. Check it if it is an outfit without a body"
+            draw_words(context, layout, words, "INFO")
         self._draw_worn(layout, settings, wearer)
         column = layout.column()
         column.use_property_split = True
@@ -517,10 +517,14 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         row = layout.row()
         row.scale_y = BIG
         row.operator("spectral_match.fit_outfit", icon="MOD_CLOTH")
-        targets = [piece for target in found.targets for piece in target.whole]
-        if settings.outfit_inside and live.kept_for(targets):
+        copies = copies_on(found.targets)
+        if settings.outfit_inside and copies:
             words = settings.outfit_inside
             draw_words(context, layout, words[:1].upper() + words[1:], dim=True)
+            looked_at = live.looked_at(copies)
+            layout.operator("spectral_match.closer_look", icon="VIEWZOOM", depress=looked_at)
+            if looked_at:
+                draw_words(context, layout, "Blue is as far as asked, yellow is inside", dim=True)
 
     @staticmethod
     def _draw_worn(layout: bpy.types.UILayout, settings: Settings, wearer: Character) -> None:

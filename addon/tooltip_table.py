@@ -514,6 +514,13 @@ TOOLTIPS = (
         "属于角色的身体",
     ),
     (
+        "Color fitted outfits by their distance to the skin: blue where it is as large as asked, yellow "
+        "where they are inside the body. Pressed again, color the viewport as before",
+        "合わせた衣装を肌からの距離で色分けします。青は指定どおり、黄は体の内側です。もう一度押すと元の表示に"
+        "戻ります",
+        "按与皮肤的距离为已适配的服装着色:蓝色为所需距离,黄色为在身体内。再按一次恢复视图",
+    ),
+    (
         "Fit this object with the outfit, or leave it to the character",
         "このオブジェクトを衣装として合わせるか、キャラクターに残します",
         "将此物体作为服装适配,或留给角色",

@@ -375,10 +375,16 @@ TABLE = (
     ("Tightness", "密着度", "贴合度"),
     ("Follow Body Keys", "体のキーに追従", "跟随身体形态键"),
     ("Hide Covered Skin", "隠れた肌を非表示", "隐藏被遮皮肤"),
+    ("Closer Look", "詳しく見る", "仔细查看"),
     (
-        "The source wears no objects of their own",
-        "転送元には独立した衣装オブジェクトがありません",
-        "来源没有独立的服装物体",
+        "Blue is as far as asked, yellow is inside",
+        "青は指定どおりの距離、黄は体の内側です",
+        "蓝色为所需距离,黄色为在身体内",
+    ),
+    (
+        "The source wears no objects of their own. Check it if it is an outfit without a body",
+        "転送元には独立した衣装オブジェクトがありません。体のない衣装であれば、チェックを入れます",
+        "来源没有独立的服装物体。若它是没有身体的服装,请勾选",
     ),
     # Preferences.
     ("Threads", "スレッド数", "线程"),

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fit Outfit: copies of what one character wears, on the matched targets."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import bpy
 from bpy.props import StringProperty
 from bpy.types import Operator
 
-from .. import core, pair
+from .. import core, mesh_write, pair
 from ..mesh_read import UnusableObjectError
 from ..outfit import fitting, live, reading, wardrobe, writing
 from ..typed import Outcome, Settings
@@ -39,12 +39,12 @@ def garments_of(wearer: "Character", names: str = "") -> list[bpy.types.Object]:
         if missing:
             raise UnusableObjectError(f"'{wearer.name}' does not have {', '.join(missing)}")
         return [there[name] for name in wanted]
-    if len(wearer.whole) == 1:
+    worn = wardrobe.worn(wearer)
+    if not worn and len(wearer.whole) == 1:
         raise UnusableObjectError(
             f"'{wearer.name}' is one mesh. Separate its clothes into objects of their own: select their "
             "faces in Edit Mode and press P"
         )
-    worn = wardrobe.worn(wearer)
     if not worn:
         raise UnusableObjectError(f"Nothing that '{wearer.name}' wears is checked")
     return worn
@@ -170,4 +170,46 @@ class SPECTRAL_MATCH_OT_toggle_worn(Step, Operator):
         return {"FINISHED"}
 
 
-CLASSES = (SPECTRAL_MATCH_OT_fit_outfit, SPECTRAL_MATCH_OT_toggle_worn)
+def copies_on(targets: "Iterable[Character]") -> list[bpy.types.Object]:
+    """The objects of the outfits on these characters that were fitted since the file was opened."""
+    pieces = [piece for target in targets for piece in target.whole]
+    return [obj for _, copies in live.kept_for(pieces) for obj in copies]
+
+
+def needs_fitted(context: bpy.types.Context) -> str:
+    missing = needs_matched(context)
+    if missing or copies_on(pair.resolve(context).targets):
+        return missing
+    return "No outfit was fitted since the file was opened. Press Fit Outfit first"
+
+
+class SPECTRAL_MATCH_OT_closer_look(Step, Operator):
+    """Color fitted outfits by their distance to the skin"""
+
+    bl_idname = "spectral_match.closer_look"
+    bl_label = "Closer Look"
+    bl_description = (
+        "Color fitted outfits by their distance to the skin: blue where it is as large as asked, yellow "
+        "where they are inside the body. Pressed again, color the viewport as before"
+    )
+    bl_options = {"UNDO"}
+
+    obstacle = staticmethod(needs_fitted)
+
+    def act(self, context: bpy.types.Context) -> Outcome:
+        targets = pair.resolve(context).targets
+        pieces = [piece for target in targets for piece in target.whole]
+        copies = copies_on(targets)
+        if live.looked_at(copies):
+            show.show_nothing(context, [], copies)
+            for obj in copies:
+                heat = obj.data.attributes.get(mesh_write.HEAT)
+                if heat is not None:
+                    obj.data.attributes.remove(heat)
+            return {"FINISHED"}
+        live.look_closer(pieces, options_of(context.scene.spectral_match))
+        show.show_heat(context, copies, pieces)
+        return {"FINISHED"}
+
+
+CLASSES = (SPECTRAL_MATCH_OT_fit_outfit, SPECTRAL_MATCH_OT_toggle_worn, SPECTRAL_MATCH_OT_closer_look)

@@ -113,10 +113,24 @@ def show_confidence(
 ) -> None:
     with mesh_write.object_mode(context, targets):
         for target in targets:
-            mesh_write.write_heat(target.data)
+            confidence = mesh_write.read_attribute(target.data.attributes["match_confidence"])
+            mesh_write.write_heat(target.data, confidence)
             _activate(target.data, mesh_write.HEAT)
     for source in sources:
         _activate(source.data, "match_color")
+    _colour_viewports(context)
+
+
+def show_heat(
+    context: bpy.types.Context, objects: Iterable[bpy.types.Object], beside: Iterable[bpy.types.Object]
+) -> None:
+    """The heat map of some objects, and no colours of ours on those beside them."""
+    for obj in objects:
+        _activate(obj.data, mesh_write.HEAT)
+    for obj in beside:
+        active = obj.data.color_attributes.active_color
+        if active is not None and active.name.startswith(mesh_write.OURS):
+            obj.data.attributes.active_color_name = ""
     _colour_viewports(context)
 
 
@@ -190,7 +204,11 @@ def _sources(targets: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
 @persistent
 def _follow_undo(_scene: object, _unused: object = None) -> None:
     """Viewports are no part of undo: color them as the meshes are colored now."""
-    targets = [mesh for mesh in bpy.data.meshes if mesh.spectral_match.target_fingerprint]
+    targets = [
+        mesh
+        for mesh in bpy.data.meshes
+        if mesh.spectral_match.target_fingerprint or mesh_write.HEAT in mesh.attributes
+    ]
     if not targets:
         if _earlier_colouring:
             _uncolour_viewports(bpy.context)

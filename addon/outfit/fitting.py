@@ -168,16 +168,32 @@ def _skins(sgmds: ModuleType, wish: Wish) -> tuple[SkinWeights, SkinWeights]:
 
 def place(fitting: Fitting, wish: Wish, options: Options) -> Floats:
     """Places of all garments' vertices at a distance and tightness."""
-    size = np.cbrt(abs(np.linalg.det(wish.to_world[1][:3, :3])))
-    return fitting.place(distance=options.distance / size, tightness=options.tightness)
+    return fitting.place(distance=_distance(wish, options), tightness=options.tightness)
+
+
+def _distance(wish: Wish, options: Options) -> float:
+    """The distance that the panel says, in the target's units."""
+    return options.distance / float(np.cbrt(abs(np.linalg.det(wish.to_world[1][:3, :3]))))
+
+
+def _counts_as_inside(fitting: Fitting, wish: Wish) -> Floats:
+    """Distance to the target's skin below which each vertex is inside: deeper than it was in the source and
+    than a millimetre of a person. Soles and linings were inside on purpose.
+    """
+    return np.minimum(fitting.clearance_before, 0.0) - INSIDE * wish.height
 
 
 def count_inside(fitting: Fitting, wish: Wish, places: Floats) -> int:
-    """How many vertices are inside the target, deeper than they were in the source and than a millimetre of a
-    person: soles and linings were inside on purpose.
-    """
-    least = np.minimum(fitting.clearance_before, 0.0) - INSIDE * wish.height
-    return int((fitting.clearance(places) < least).sum())
+    """How many vertices are inside the target."""
+    return int((fitting.clearance(places) < _counts_as_inside(fitting, wish)).sum())
+
+
+def shares_kept(fitting: Fitting, wish: Wish, places: Floats, options: Options) -> Floats:
+    """How much each vertex has of the distance to the skin that it should have, from 0 inside the target."""
+    least, before = _counts_as_inside(fitting, wish), fitting.clearance_before
+    gaps = fitting.gaps(distance=_distance(wish, options), tightness=options.tightness)
+    wanted = np.where(before < 0.0, before, gaps)
+    return np.clip((fitting.clearance(places) - least) / (wanted - least), 0.0, 1.0)
 
 
 def fitting_keys(fitting: Fitting, wish: Wish) -> list[dict[str, Floats]]:

@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 from bpy.app.handlers import persistent
 
-from .. import core, mesh_read, notice, pair
+from .. import core, mesh_read, mesh_write, notice, pair
 from ..transfer.shape_keys import read_key
 from ..typed import Floats, Settings
 from . import fitting
@@ -67,6 +67,21 @@ def place_again(targets: Iterable[bpy.types.Object], options: fitting.Options) -
     return inside, many
 
 
+def look_closer(targets: Iterable[bpy.types.Object], options: fitting.Options) -> None:
+    """Give the outfits on these objects a heat map, from yellow inside the body to blue as far as asked."""
+    for fitted, copies in kept_for(targets):
+        points = np.concatenate([mesh_read.positions(obj.data) for obj in copies])
+        places = points @ np.linalg.inv(fitted.wish.back)
+        shares = fitting.shares_kept(fitted.fitting, fitted.wish, places, options)
+        for obj, garment in zip(copies, fitted.wish.garments, strict=True):
+            mesh_write.write_heat(obj.data, shares[garment.vertices])
+
+
+def looked_at(copies: Iterable[bpy.types.Object]) -> bool:
+    """Whether one of an outfit's objects has a heat map."""
+    return any(mesh_write.HEAT in obj.data.attributes for obj in copies)
+
+
 def put(own: bpy.types.Object, points: Floats, keys: Mapping[str, Floats]) -> None:
     """Write coordinates of an object's vertices, and of its shape keys as displacements from these.
 
@@ -90,6 +105,8 @@ def follow_sliders(settings: Settings, context: bpy.types.Context) -> None:
     options = fitting.Options(settings.outfit_distance, settings.outfit_tightness)
     try:
         inside, many = place_again(targets, options)
+        if looked_at(obj for _, copies in kept_for(targets) for obj in copies):
+            look_closer(targets, options)
     except core.load().SgmdsError as reason:
         notice.say(str(reason))
         return

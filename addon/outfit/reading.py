@@ -147,7 +147,7 @@ def read(
     worn = [*garments, *wardrobe.worn(wearer)]
     with joined.seen(sources, wearer.name, bodies) as view:
         route = Route(lead, view) if len(bodies) == 1 else FigureRoute(bodies, view)
-        triangles, places, notes = _on_skin(route, bodies, worn)
+        triangles, places, notes = _on_skin(route, bodies, worn, wearer.name)
         rig_1, rig_2 = _rig_of([*sources, *garments]), _rig_of(bodies)
         return Wish(
             label=target.name,
@@ -179,7 +179,7 @@ def _bodies(wearer: Character, target: Character) -> list[bpy.types.Object]:
 
 
 def _on_skin(
-    route: Route, bodies: Sequence[bpy.types.Object], worn: Sequence[bpy.types.Object]
+    route: Route, bodies: Sequence[bpy.types.Object], worn: Sequence[bpy.types.Object], wearer: str
 ) -> tuple[Integers, tuple[Integers, Floats, Floats], list[str]]:
     """Triangles of the source's skin, where the target's vertices lie on it, and words.
 
@@ -192,6 +192,8 @@ def _on_skin(
     face, weights, confidence = (np.concatenate(values) for values in zip(*found, strict=True))
     piece = np.searchsorted(view.starts, np.arange(len(triangles)), side="right") - 1
     cloth = {number for number, obj in enumerate(view.pieces) if obj in worn}
+    if len(cloth) == len(view.pieces):
+        notes.append(f"'{wearer}' has no body: the outfit was fitted by what it covers")
     if not cloth or len(cloth) == len(view.pieces):
         return triangles, (face, weights, confidence), notes
     points = route.source_points @ route.source_stretch

@@ -45,9 +45,9 @@ def body_of(body: Character) -> bpy.types.Object:
 
 
 def others(body: Character) -> list[bpy.types.Object]:
-    """All meshes of a character beside its body."""
+    """What may be worn: all meshes of a character beside its body, or all where it has none."""
     wearing = body_of(body)
-    return [obj for obj in body.whole if obj != wearing]
+    return [obj for obj in body.whole if obj != wearing or len(body.whole) == 1 or obj in worn(body)]
 
 
 def worn(body: Character) -> list[bpy.types.Object]:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import bpy
@@ -187,7 +187,8 @@ def _redirect(
     source = mesh_read.find_object(bpy.data.objects, wish.source_uid)
     whole = character.of(source) if source is not None else None
     exchanged: dict[bpy.types.ID, bpy.types.ID] = {}
-    for obj in whole.whole if whole is not None else ():
+    worn_by = whole.whole if whole is not None else ()
+    for obj in worn_by:
         exchanged |= _with_data(obj, bodies[0])
     if rig is not None:
         for each in filter(None, given):
@@ -197,6 +198,8 @@ def _redirect(
     table = dict(fitted.partners)
     table.update({bone.name: name for bone, name in zip(fitted.bones, new, strict=False)})
     names, notes = bones_module.Names(table), []
+    # Keys of the source for which the target has none at all.
+    lost = {obj.data.shape_keys for obj in worn_by if obj.data.shape_keys is not None} - set(exchanged)
     left, bound = [], []
     for obj, own in zip(garments, copies, strict=True):
         for modifier in own.modifiers:
@@ -207,7 +210,7 @@ def _redirect(
             animated = getattr(held, "animation_data", None)
             for curve in list(animated.drivers) if animated is not None else ():
                 point_drivers([curve], exchanged, names)
-                if not bones_module.finds_all(curve):
+                if not bones_module.finds_all(curve) or _sees(curve, lost):
                     left.append(f"{curve.data_path} of '{obj.name}'")
                     animated.drivers.remove(curve)
     if bound:
@@ -215,6 +218,11 @@ def _redirect(
     if left:
         notes.append(f"Drivers that look at what '{wish.label}' lacks were left: {listed(left)}")
     return notes
+
+
+def _sees(curve: bpy.types.FCurve, ids: Container[bpy.types.ID]) -> bool:
+    """Whether a driver looks at one of these."""
+    return any(seen.id in ids for variable in curve.driver.variables for seen in variable.targets)
 
 
 def _with_data(before: bpy.types.Object, after: bpy.types.Object) -> Exchanged:

@@ -27,6 +27,8 @@ BRUNOS = ("Shirt", "Trousers", "Belt", "Shoes")
 """His beanie he keeps on."""
 STRIDE = 8
 """Frame of the walk in which both legs are apart."""
+FRAMES = (1, 7, 13, 19)
+"""Quarters of the walk."""
 KEYS = "groups,armature,keys"
 
 
@@ -192,11 +194,34 @@ def dressed():
     row("dressed", 4.9, turn=0.15)
 
 
+def exchanged():
+    """Bruno in her outfit and Mia in his, through a walk of each rig."""
+    opened(1)
+    keep_carried(pieces("Bruno"))
+    for k, frame in enumerate(FRAMES):
+        bpy.context.scene.frame_set(frame)
+        bruno = [*pieces("Bruno", BRUNOS), *outfit("Mia", MIAS)]
+        mia = [*pieces("Mia in blue", MIAS), *outfit("Bruno in blue", BRUNOS)]
+        for side, name, objects in ((-1, "Bruno", bruno), (1, "Mia", mia)):
+            for copy in posed(objects, 0.85 * (k - 1.5) + 1.95 * side, f"{name} {k}"):
+                copy.rotation_euler.z = -0.75
+    row("exchanged", 7.6, 330)
+
+
+def shafts():
+    """From near, what does not ship: shafts of Mia's boots on thicker legs, beside her."""
+    opened(STRIDE)
+    keep_carried(pieces("Bruno"))
+    posed(pieces("Mia"), -0.35, "Mia 0")
+    posed([*pieces("Bruno", BRUNOS), *outfit("Mia", MIAS)], 0.35, "Bruno 0")
+    row("shafts", 1.5, middle=(0.0, 0.0, 0.3))
+
+
 def walking():
     """The walk that came with Mia's rig, on Bruno."""
     opened(1)
     keep_carried(pieces("Bruno"))
-    for k, frame in enumerate((1, 7, 13, 19)):
+    for k, frame in enumerate(FRAMES):
         bpy.context.scene.frame_set(frame)
         for side, label in ((-1, "Mia"), (1, "Bruno")):
             for copy in posed(pieces(label), 0.85 * (k - 1.5) + 1.95 * side, f"{label} {k}"):
@@ -407,4 +432,7 @@ def top(obj):
     return obj
 
 
-PICTURES = {picture.__name__: picture for picture in (matched, painted, dressed, walking, faces, loop)}
+PICTURES = {
+    picture.__name__: picture
+    for picture in (matched, painted, dressed, exchanged, shafts, walking, faces, loop)
+}

@@ -7,13 +7,14 @@ import bpy
 import figures
 import numpy as np
 import pytest
-from bipeds import Figure
+from bipeds import Figure, _known
 from conftest import choose, new_object, turned
 from mathutils import Matrix
+from mathutils.bvhtree import BVHTree
 from test_transfer import store_map, weights_of
 
-from addon import character, command_line, mesh_read, notice
-from addon.mesh_write import write_attribute
+from addon import character, command_line, mesh_read, notice, palette
+from addon.mesh_write import HEAT, read_attribute, write_attribute
 from addon.operators import show
 from addon.outfit import live, wardrobe
 
@@ -194,6 +195,34 @@ def test_shape_keys_of_the_shirt_and_of_the_body_are_there(dressed):
     np.testing.assert_allclose(places(shirt, evaluated=True) - before, moved("Fat") / 2.0, atol=1e-5)
 
 
+def test_drivers_of_the_shirts_keys_look_at_the_target(dressed):
+    source, target = dressed
+    source.body.shape_key_add(name="Basis")
+    source.body.shape_key_add(name="Breath")
+    known_map(source.body, target.body, target.old["Body"])
+    source.shirt.shape_key_add(name="Basis")
+    for name, path in (("Bent", ""), ("Lost", 'key_blocks["Breath"].value')):
+        block = source.shirt.shape_key_add(name=name)
+        for entry in block.data:
+            entry.co.x += 0.1
+        variable = block.driver_add("value").driver.variables.new()
+        variable.type = "SINGLE_PROP" if path else "TRANSFORMS"
+        seen = variable.targets[0]
+        if path:
+            seen.id_type = "KEY"
+            seen.id, seen.data_path = source.body.data.shape_keys, path
+        else:
+            seen.id, seen.bone_target, seen.transform_type = source.rig, "High", "ROT_X"
+    fit()
+    keys = copy_of(source.shirt.name).data.shape_keys
+    (curve,) = keys.animation_data.drivers
+    seen = curve.driver.variables[0].targets[0]
+    assert (curve.data_path, seen.id, seen.bone_target) == ('key_blocks["Bent"].value', target.rig, "Oben")
+    # The target has no such key: the driver is left, and said.
+    assert "Lost" in keys.key_blocks and 'key_blocks["Lost"]' in notice.words
+    assert len(source.shirt.data.shape_keys.animation_data.drivers) == 2
+
+
 def test_sliders_move_a_fitted_shirt_and_keep_its_keys(dressed):
     source, target = dressed
     settings = bpy.context.scene.spectral_match
@@ -219,6 +248,32 @@ def test_sliders_move_a_fitted_shirt_and_keep_its_keys(dressed):
     live.forget()
     settings.outfit_tightness = 0.0
     np.testing.assert_array_equal(places(shirt), tight)
+
+
+def test_a_closer_look_tells_what_is_inside(dressed):
+    source, target = dressed
+    with pytest.raises(RuntimeError, match="Press Fit Outfit first"):
+        bpy.ops.spectral_match.closer_look()
+    fit()
+    shirt = copy_of(source.shirt.name)
+    pushed = slice(0, 10)
+    for vertex in shirt.data.vertices[pushed]:
+        vertex.co -= 3.0 * figures.OFF * vertex.normal
+    assert bpy.ops.spectral_match.closer_look() == {"FINISHED"}
+
+    def heat():
+        return read_attribute(shirt.data.attributes[HEAT])
+
+    sure, inside = palette.heat_colours(np.array([1.0, 0.0]))
+    np.testing.assert_allclose(heat()[pushed], np.tile(inside, (10, 1)), atol=1e-6)
+    np.testing.assert_allclose(heat()[10:], np.tile(sure, (len(heat()) - 10, 1)), atol=1e-6)
+    assert shirt.data.color_attributes.active_color.name == HEAT
+    assert target.body.data.color_attributes.active_color is None
+    # The sliders put all vertices where they should be.
+    bpy.context.scene.spectral_match.outfit_distance = 0.02
+    np.testing.assert_allclose(heat(), np.tile(sure, (len(heat()), 1)), atol=1e-6)
+    assert bpy.ops.spectral_match.closer_look() == {"FINISHED"}
+    assert HEAT not in shirt.data.attributes
 
 
 def test_hidden_skin_is_masked_and_nothing_is_deleted(dressed):
@@ -415,6 +470,90 @@ def test_a_body_of_another_build_is_left_by_cloth_of_every_layer(scene):
     suit, coat = (above[garment.vertices] for garment in fitted.wish.garments)
     assert suit.min() > 0.0 and coat.min() > 0.0
     assert coat.mean() > suit.mean()
+
+
+def pose(rig, turns):
+    for name, angle in turns.items():
+        rig.pose.bones[name].matrix_basis = Matrix.Rotation(angle, 4, "Z")
+    bpy.context.view_layer.update()
+
+
+WALKING = {"thigh.L": 0.5, "thigh.R": -0.4, "upper_arm.L": 0.5, "upper_arm.R": -0.4, "chest": 0.3}
+SITTING = {"thigh.L": 0.9, "thigh.R": 0.9, "forearm.L": 0.8, "chest": -0.2}
+REST = dict.fromkeys(WALKING | SITTING, 0.0)
+
+
+def test_an_outfit_without_a_body_goes_by_what_it_covers(scene):
+    source, target = Figure("Source"), Figure("Target", build="stout", pose="A", seed=3)
+    rig = source.rigged()
+    target.rigged()
+    (suit,) = dress(source, rig, ("Suit",))
+    skin = places(source.obj)[source.made.faces]
+    bpy.data.objects.remove(source.obj)
+    bpy.context.view_layer.update()
+    choose(suit, target.obj)
+    # Where each vertex of the target lies on the body that was there, and the cloth over that.
+    faces, weights = _known(source.key, target.key)
+    images = np.einsum("ij,ijc->ic", weights, skin[faces])
+    cloth = places(suit)
+    triangles = mesh_read.triangle_vertices(suit.data)
+    tree = BVHTree.FromPolygons(cloth.tolist(), triangles.tolist(), all_triangles=True)
+    hits = [tree.find_nearest(image) for image in images.tolist()]
+    solved = [
+        np.linalg.lstsq(np.vstack([cloth[triangles[hit[2]]].T, np.ones(3)]), [*hit[0], 1.0], rcond=None)[0]
+        for hit in hits
+    ]
+    shares = np.clip(solved, 0.0, None)
+    store_map(suit, target.obj, np.array([hit[2] for hit in hits]), shares / shares.sum(axis=1)[:, None])
+    covered = np.array([hit[3] for hit in hits]) < 0.02
+    write_attribute(target.obj.data, "match_confidence", "FLOAT", "POINT", covered.astype(np.float32))
+    with pytest.raises(RuntimeError, match="is one mesh"):
+        bpy.ops.spectral_match.fit_outfit()
+    assert wardrobe.others(character.of(suit)) == [suit]
+    assert bpy.ops.spectral_match.toggle_worn(garment=suit.name) == {"FINISHED"}
+    fit()
+    assert "has no body" in notice.words
+    own = copy_of(suit.name)
+    heights = above(target, own)
+    # It lies on the skin as near as cloth is let.
+    assert heights.min() > 0.0 and np.median(heights) < 0.01
+    assert group_names(own) <= set(bpy.data.objects["Target"].modifiers["Rig"].object.data.bones.keys())
+
+
+def above(target, own):
+    """Signed distances of an object's vertices, as they are shown, to a figure's skin as it is shown."""
+    tree = BVHTree.FromPolygons(places(target.obj, True).tolist(), target.made.faces.tolist())
+    points = places(own, True)
+    hits = [tree.find_nearest(point) for point in points.tolist()]
+    return np.array([(point - hit[0]) @ hit[1] for point, hit in zip(points, hits, strict=True)])
+
+
+def test_poses_in_which_characters_are_dressed_do_not_matter(scene):
+    """Both walk or sit when they are fitted, and even when they are matched as shown."""
+    source, target = Figure("Source"), Figure("Target", build="stout", pose="A", seed=3)
+    rigs = source.rigged(), target.rigged()
+    (suit,) = dress(source, rigs[0], ("Suit",))
+    target.store_known(source)
+    choose(source.obj, target.obj)
+    fit()
+    own = copy_of(suit.name)
+    wanted = places(own)
+    pose(rigs[0], WALKING)
+    pose(rigs[1], SITTING)
+    fit()
+    np.testing.assert_array_equal(places(own), wanted)
+    scene.spectral_match.shape = "EVALUATED"
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    fit()
+    # A found map slides along the limbs by a few hundredths of the figure's height, which is 1.8.
+    assert np.linalg.norm(places(own) - wanted, axis=1).mean() < 0.05 * 1.8
+    pose(rigs[1], REST)
+    assert above(target, own).min() > 0.0
+    for turns in (WALKING, SITTING):
+        pose(rigs[1], REST | turns)
+        # Cloth keeps the source's weights: at the joints it bends otherwise than the skin.
+        heights = above(target, own)
+        assert (heights > 0.0).mean() > 0.9 and abs(np.median(heights)) < 0.03
 
 
 @pytest.mark.parametrize(("scale", "y_up"), [(0.01, False), (1.0, True), (100.0, True)])

@@ -125,6 +125,11 @@ class Fitting:
         distance = 0.0 if distance is None else checked_number("distance", distance)
         return self._core.place(distance, checked_number("tightness", tightness), bool(collide))
 
+    def gaps(self, *, distance: float | None = None, tightness: float = 0.0) -> Floats:
+        """Distance (n,) to the target's skin that the garments' vertices keep at least in `place`."""
+        distance = 0.0 if distance is None else checked_number("distance", distance)
+        return self._core.gaps(distance, checked_number("tightness", tightness))
+
     def clearance(self, vertices: ArrayLike) -> Floats:
         """Distance (n,) to the target's skin of the garments' vertices at places (n, 3), negative within."""
         return self._core.clearance(self._vertices("vertices", vertices))

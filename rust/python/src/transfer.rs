@@ -119,6 +119,25 @@ impl Fitting {
         table(py, placed)
     }
 
+    /// Distance to the target that each vertex keeps at least.
+    fn gaps<'py>(
+        &self,
+        py: Python<'py>,
+        distance: f64,
+        tightness: f64,
+    ) -> PyResult<Array1<'py, f64>> {
+        let sitting = Sitting {
+            distance,
+            tightness,
+            collide: true,
+        };
+        let gaps = self
+            .fitting
+            .gaps(&sitting)
+            .map_err(|e| errors::to_python(py, &e))?;
+        Ok(gaps.into_pyarray(py))
+    }
+
     /// Signed distance to the target of each vertex at positions (n, 3).
     fn clearance<'py>(
         &self,

@@ -25,7 +25,8 @@ pub struct Partner {
     /// Their intersection over union, 0 without a partner.
     pub share: f64,
     /// The bone that moves most of what it moves, whoever else's partner that is: where the weights of a bone without a
-    /// partner belong. None of a bone that moves no skin.
+    /// partner belong. It has the largest C · C/(|a| + |b| − C), of the partner of what the bone hangs on and what hangs
+    /// on that, if one of these moves any of it. None of a bone that moves no skin.
     pub nearest: Option<u32>,
 }
 
@@ -63,8 +64,13 @@ pub fn bone_map(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Result<Ve
         }
     }
     let (_, order) = descendants("source", source.parents)?;
-    let (below_2, _) = descendants("target", target.parents)?;
-    let shares = shares(map, source, target);
+    let (below_2, order_2) = descendants("target", target.parents)?;
+    let Shared {
+        common,
+        shares,
+        moves,
+    } = shared(map, source, target);
+    let allowed = allowed(target.parents, &order_2, &below_2, &moves);
     let (count_1, count_2) = (source.parents.len(), target.parents.len());
     let mut children = vec![Vec::new(); count_1];
     for (bone, &parent) in source.parents.iter().enumerate() {
@@ -84,9 +90,8 @@ pub fn bone_map(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Result<Ve
             .map(|other| shares[bone][other] + worth(&best, &children[bone], other))
             .collect();
         for within in 0..=count_2 {
-            let allowed = below_2.get(within).unwrap_or(&everything);
             let mut most = (worth(&best, &children[bone], within), None);
-            for &other in allowed {
+            for &other in allowed.get(within).unwrap_or(&everything) {
                 if shares[bone][other as usize] >= BONE_MAP.least_share
                     && value[other as usize] > most.0
                 {
@@ -106,20 +111,30 @@ pub fn bone_map(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Result<Ve
         }
     }
     keep_best(&mut found, count_2);
-    let nearest = |row: &[f64]| {
-        let most = (0..).zip(row).max_by(|a, b| a.1.total_cmp(b.1));
-        most.filter(|&(_, &share)| share > 0.0)
-            .map(|(bone, _)| bone)
+    // The partner of the next bone above each that has one.
+    let mut above = vec![None; count_1];
+    for &bone in &order {
+        if let Ok(parent) = usize::try_from(source.parents[bone]) {
+            above[bone] = found[parent].map(|(p, _)| p).or(above[parent]);
+        }
+    }
+    let nearest = |bone: usize| {
+        let value = |other: u32| common[bone][other as usize] * shares[bone][other as usize];
+        let most = |among: &mut dyn Iterator<Item = u32>| {
+            let moved = among.filter(|&other| value(other) > 0.0);
+            moved.max_by(|&a, &b| value(a).total_cmp(&value(b)))
+        };
+        let below = |p: u32| most(&mut allowed[p as usize].iter().copied().chain([p]));
+        above[bone]
+            .and_then(below)
+            .or_else(|| most(&mut everything.iter().copied()))
     };
-    Ok(found
-        .into_iter()
-        .zip(&shares)
-        .map(|(found, row)| Partner {
-            bone: found.map(|(bone, _)| bone),
-            share: found.map_or(0.0, |(_, share)| share),
-            nearest: nearest(row),
-        })
-        .collect())
+    let partners = found.iter().enumerate().map(|(bone, found)| Partner {
+        bone: found.map(|(partner, _)| partner),
+        share: found.map_or(0.0, |(_, share)| share),
+        nearest: nearest(bone),
+    });
+    Ok(partners.collect())
 }
 
 /// Of bones in different branches with one partner the one that shares most of it keeps it.
@@ -143,8 +158,43 @@ fn keep_best(found: &mut [Option<(u32, f64)>], count: usize) {
     }
 }
 
-/// Intersection over union of every two bones, `(source, target)`.
-fn shares(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Vec<Vec<f64>> {
+/// The bones that may be taken below each: those that hang on it, and those of other trees.
+///
+/// A tree is what hangs together when bones that move no skin are left out: where limbs hang on controls, and these on no
+/// bone of the spine, the hierarchy does not tell that an arm is below the chest.
+fn allowed(parents: &[i64], order: &[usize], below: &[Vec<u32>], moves: &[bool]) -> Vec<Vec<u32>> {
+    // The topmost bone above each that moves skin, or the bone itself.
+    let mut top: Vec<usize> = (0..parents.len()).collect();
+    for &bone in order {
+        if parents[bone] != NONE {
+            let above = top[parents[bone] as usize];
+            if moves[above] {
+                top[bone] = above;
+            }
+        }
+    }
+    let others = |bone: usize, b: u32| moves[b as usize] && top[b as usize] != top[bone];
+    (0..)
+        .zip(below)
+        .map(|(bone, below)| {
+            let every = 0..parents.len() as u32;
+            let others = every.filter(|&b| others(bone, b));
+            below.iter().copied().chain(others).collect()
+        })
+        .collect()
+}
+
+/// What bones of two rigs have in common.
+struct Shared {
+    /// Intersection of every two bones, `(source, target)`.
+    common: Vec<Vec<f64>>,
+    /// Their intersection over union.
+    shares: Vec<Vec<f64>>,
+    /// Whether each bone of the target moves skin.
+    moves: Vec<bool>,
+}
+
+fn shared(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Shared {
     let (count_1, count_2) = (source.parents.len(), target.parents.len());
     let mut common = vec![vec![0.0; count_2]; count_1];
     let (mut size_1, mut size_2) = (vec![0.0; count_1], vec![0.0; count_2]);
@@ -173,13 +223,18 @@ fn shares(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Vec<Vec<f64>> {
             }
         }
     }
-    for (row, size_1) in common.iter_mut().zip(size_1) {
-        for (share, &size_2) in row.iter_mut().zip(&size_2) {
-            let union = size_1 + size_2 - *share;
-            *share = if union > 0.0 { *share / union } else { 0.0 };
-        }
+    let shares = common.iter().zip(size_1).map(|(row, size_1)| {
+        let share = |(&common, &size_2): (&f64, &f64)| {
+            let union = size_1 + size_2 - common;
+            if union > 0.0 { common / union } else { 0.0 }
+        };
+        row.iter().zip(&size_2).map(share).collect()
+    });
+    Shared {
+        shares: shares.collect(),
+        moves: size_2.iter().map(|&size| size > 0.0).collect(),
+        common,
     }
-    common
 }
 
 /// The bones below each, and all of them with parents before their children.
@@ -296,6 +351,74 @@ mod tests {
             assert_eq!(found[0].nearest, Some(0));
             assert_eq!(found[many - 1].nearest, Some(few as u32 - 1));
         }
+    }
+
+    #[test]
+    fn limbs_that_hang_on_controls_are_found() {
+        // Three bones that move skin, in one chain and as rigs with controls have them: each below a control, and these
+        // below a root.
+        let (map, skin) = strip(83, 3);
+        let parents = [chain(3), vec![3, 4, 5, 6, 6, 6, -1]];
+        for [one, other] in [[0, 1], [1, 0], [1, 1]] {
+            let rig = |which: usize| Rig {
+                skin: &skin,
+                parents: &parents[which],
+            };
+            let found = bone_map(&map, rig(one), rig(other)).unwrap();
+            for (bone, partner) in (0..3).zip(&found) {
+                assert_eq!((partner.bone, partner.share), (Some(bone), 1.0));
+            }
+        }
+    }
+
+    /// Weights of a strip of 84 columns: all of the bone that a column has.
+    fn columns(bone: impl Fn(usize) -> u32, bones: usize) -> SkinWeights {
+        let rows = 2 * 84;
+        let groups = (0..rows).map(|v| bone(v / 2)).collect();
+        SkinWeights::new((0..=rows as u32).collect(), groups, vec![1.0; rows], bones).unwrap()
+    }
+
+    #[test]
+    fn what_is_left_over_goes_where_most_of_it_moves() {
+        // The third of three bones lies on the first of two, but for its last 8 columns of 28, which are all of the other.
+        let (map, three) = strip(83, 3);
+        let two = columns(|column| u32::from(column >= 76), 2);
+        let parents = [chain(3), chain(2)];
+        let found = bone_map(
+            &map,
+            Rig {
+                skin: &three,
+                parents: &parents[0],
+            },
+            Rig {
+                skin: &two,
+                parents: &parents[1],
+            },
+        )
+        .unwrap();
+        assert_eq!(found[2].nearest, Some(0));
+    }
+
+    #[test]
+    fn what_is_left_over_stays_at_the_partner_of_its_parent() {
+        // The second bone lies on one that the partner of the first hangs on, but for a few columns.
+        let (map, _) = strip(83, 2);
+        let one = columns(|column| u32::from(column >= 56), 2);
+        let other = columns(|column| u32::from((56..78).contains(&column)), 2);
+        let found = bone_map(
+            &map,
+            Rig {
+                skin: &one,
+                parents: &[-1, 0],
+            },
+            Rig {
+                skin: &other,
+                parents: &[1, -1],
+            },
+        )
+        .unwrap();
+        assert_eq!((found[0].bone, found[1].bone), (Some(0), None));
+        assert_eq!(found[1].nearest, Some(0));
     }
 
     #[test]

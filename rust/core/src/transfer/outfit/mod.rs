@@ -67,6 +67,27 @@ impl Default for Sitting {
     }
 }
 
+impl Sitting {
+    fn checked(&self) -> Result<()> {
+        let Self {
+            distance,
+            tightness,
+            ..
+        } = *self;
+        if !distance.is_finite() {
+            return Err(Error::BadArgument {
+                what: format!("`distance` should be a finite number, got {distance}"),
+            });
+        }
+        if !(tightness.is_finite() && tightness <= 1.0) {
+            return Err(Error::BadArgument {
+                what: format!("`tightness` should be a number of at most 1, got {tightness}"),
+            });
+        }
+        Ok(())
+    }
+}
+
 /// Garments bound to two bodies.
 #[derive(Debug)]
 pub struct Fitting {
@@ -149,47 +170,34 @@ impl Fitting {
     /// [`Error::BadArgument`] when the distance is not finite or the tightness is not a number up to 1;
     /// [`Error::NotFactorised`], [`Error::Cancelled`].
     pub fn place(&self, sitting: &Sitting, check: Check<'_>) -> Result<Vec<Point>> {
+        sitting.checked()?;
         let Sitting {
             distance,
             tightness,
             collide,
         } = *sitting;
-        if !distance.is_finite() {
-            return Err(Error::BadArgument {
-                what: format!("`distance` should be a finite number, got {distance}"),
-            });
-        }
-        if !(tightness.is_finite() && tightness <= 1.0) {
-            return Err(Error::BadArgument {
-                what: format!("`tightness` should be a number of at most 1, got {tightness}"),
-            });
-        }
         let settings = &self.settings;
         let height = self.bodies.heights[1];
         let mut positions = self.shaped.clone();
         let mut places = Vec::with_capacity(positions.len());
-        let mut is_stiff = vec![false; positions.len()];
-        for &v in self.stiff.iter().flatten() {
-            is_stiff[v as usize] = true;
-        }
-        for ((p, b), stiff) in positions.iter_mut().zip(&self.bindings).zip(is_stiff) {
+        for ((p, b), stiff) in positions
+            .iter_mut()
+            .zip(&self.bindings)
+            .zip(self.is_stiff())
+        {
             let anchor = self.bodies.map.target.position(&b.anchor);
             let out = b.frame.out;
             let gap = vector::dot(vector::sub(*p, anchor), out).max(0.0);
             let step = b.tightness(settings) * (distance - tightness * gap);
             *p = vector::add(*p, vector::scaled(out, step));
-            let clearance = b.clearance * (1.0 - tightness);
-            let gap = height * settings.gap(clearance / height) + distance.max(0.0);
-            // What keeps its shape stays as deep in the body as it was, the lining of a hat, and is moved as a whole.
-            let (gap, least) = if stiff {
-                (gap.min(b.clearance), f64::NEG_INFINITY)
-            } else {
-                (gap, settings.least_gap * height)
-            };
             places.push(Keep {
-                gap,
-                least,
-                clearance: clearance + distance,
+                gap: self.gap(b, stiff, sitting),
+                least: if stiff {
+                    f64::NEG_INFINITY
+                } else {
+                    settings.least_gap * height
+                },
+                clearance: b.clearance * (1.0 - tightness) + distance,
                 out,
                 face: b.anchor.face,
             });
@@ -213,6 +221,41 @@ impl Fitting {
             stiff::moved_out(&self.bodies, &self.stiff, &distances, &mut positions);
         }
         Ok(self.given(&positions))
+    }
+
+    /// Distance to the skin that each of the garments' vertices keeps at least, in the target's units.
+    ///
+    /// # Errors
+    /// [`Error::BadArgument`] as in [`Fitting::place`].
+    pub fn gaps(&self, sitting: &Sitting) -> Result<Vec<f64>> {
+        sitting.checked()?;
+        let bound = self.bindings.iter().zip(self.is_stiff());
+        let gaps: Vec<f64> = bound
+            .map(|(b, stiff)| self.gap(b, stiff, sitting))
+            .collect();
+        Ok(self.given(&gaps))
+    }
+
+    /// The same of one place.
+    fn gap(&self, binding: &Binding, stiff: bool, sitting: &Sitting) -> f64 {
+        let height = self.bodies.heights[1];
+        let clearance = binding.clearance * (1.0 - sitting.tightness);
+        let gap = height * self.settings.gap(clearance / height) + sitting.distance.max(0.0);
+        // What keeps its shape stays as deep in the body as it was, the lining of a hat, and is moved as a whole.
+        if stiff {
+            gap.min(binding.clearance)
+        } else {
+            gap
+        }
+    }
+
+    /// Whether each place is of a piece that keeps its shape.
+    fn is_stiff(&self) -> Vec<bool> {
+        let mut stiff = vec![false; self.bindings.len()];
+        for &v in self.stiff.iter().flatten() {
+            stiff[v as usize] = true;
+        }
+        stiff
     }
 
     /// Distance of each of the garments' vertices to the target's skin, negative within the body.
