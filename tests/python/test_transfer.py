@@ -376,7 +376,10 @@ def test_a_small_part_goes_to_what_has_its_shape(character):
         count = len(character.vertices)
         triangle, corner = np.zeros(len(target[0]), int), np.zeros(len(target[0]), int)
         for k in range(3):
-            triangle[character.faces[:, k]], corner[character.faces[:, k]] = np.arange(len(character.faces)), k
+            triangle[character.faces[:, k]], corner[character.faces[:, k]] = (
+                np.arange(len(character.faces)),
+                k,
+            )
         trust = np.where(np.arange(len(target[0])) < count, 1.0, 0.0)
         return sgmds.SurfaceMap(source, target, triangle, np.eye(3)[corner], trust)
 
