@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What the last step said. The status bar forgets it; the panel shows it until the next step."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import bpy
 from bpy.app.handlers import persistent
 
 # A failure or warnings, a line each.
 words = ""
-# What a transfer brought; `words` is then what needs a look. And which of the scene's transfers it was.
-done = ""
+# Says what a transfer brought, in the language that the interface has when it is asked; `words` is then what
+# needs a look. And which of the scene's transfers it was.
+done: Callable[[], str] | None = None
 transfer = 0
 
 
@@ -18,8 +19,8 @@ def say(text: str) -> None:
     words = text
 
 
-def finish(context: bpy.types.Context, summary: str, notes: Iterable[str]) -> None:
-    """A transfer is done: what it brought and, in `notes`, what needs a look."""
+def finish(context: bpy.types.Context, summary: Callable[[], str], notes: Iterable[str]) -> None:
+    """A transfer is done: `summary` says what it brought, `notes` what needs a look."""
     global done, transfer
     context.scene.spectral_match.transfers += 1
     done, transfer = summary, context.scene.spectral_match.transfers
@@ -28,7 +29,7 @@ def finish(context: bpy.types.Context, summary: str, notes: Iterable[str]) -> No
 
 def clear() -> None:
     global done
-    done = ""
+    done = None
     say("")
 
 

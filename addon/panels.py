@@ -74,6 +74,18 @@ def icon_of(body: Character) -> EnumItem:
     return f"OUTLINER_OB_{body.owner.type}"
 
 
+def draw_name(row: bpy.types.UILayout, body: Character) -> None:
+    """A character's name and, if it has several meshes, how many."""
+    row.label(text=body.name, icon=icon_of(body), translate=False)
+    if len(body.whole) > 1:
+        # Beside the name, which may be cut off for it.
+        count = row.row()
+        count.alignment = "RIGHT"
+        count.active = False
+        taken, of_all = len(body.pieces), len(body.whole)
+        count.label(text=f"({of_all})" if taken == of_all else f"({taken}/{of_all})")
+
+
 class VIEW3D_PT_spectral_match_presets(PresetPanel, Panel):
     bl_label = "Match Presets"
     bl_space_type = "VIEW_3D"
@@ -161,15 +173,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             words = said("{} characters", len(bodies)) if many else said("{} meshes", len(bodies))
             split.label(text=words, icon="OUTLINER_OB_MESH", translate=False)
         elif bodies:
-            body, row = bodies[0], split.row()
-            row.label(text=body.name, icon=icon_of(body), translate=False)
-            if len(body.whole) > 1:
-                # Beside the name, which may be cut off for it.
-                count = row.row()
-                count.alignment = "RIGHT"
-                count.active = False
-                taken, of_all = len(body.pieces), len(body.whole)
-                count.label(text=f"({of_all})" if taken == of_all else f"({taken}/{of_all})")
+            draw_name(split.row(), bodies[0])
         else:
             split.label(text="Nothing chosen")
 
@@ -263,10 +267,10 @@ class VIEW3D_PT_spectral_match_pieces(SubPanel, Panel):
                 continue
             column = layout.column()
             row = column.row()
-            row.label(
-                text=bodies[0].label if len(bodies) == 1 else said("{} characters", len(bodies)),
-                icon=icon_of(bodies[0]),
-            )
+            if len(bodies) == 1:
+                draw_name(row.row(), bodies[0])
+            else:
+                row.label(text=said("{} characters", len(bodies)), icon=icon_of(bodies[0]), translate=False)
             row.operator(
                 "spectral_match.reset_pieces", text="", icon="LOOP_BACK", emboss=False
             ).end = end.upper()

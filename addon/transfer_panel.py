@@ -41,14 +41,16 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         row = layout.row()
         row.scale_y = BIG
         row.operator("spectral_match.transfer", icon="IMPORT")
-        if notice.done:
-            self._draw_done(context, layout.box().column(), settings)
+        if notice.done is not None:
+            self._draw_done(context, layout.box().column(), settings, notice.done())
         draw_presets(layout)
         draw_kinds(layout, settings, sources)
 
     @staticmethod
-    def _draw_done(context: bpy.types.Context, box: bpy.types.UILayout, settings: Settings) -> None:
-        draw_words(context, box, notice.done, "CHECKMARK", boxed=True)
+    def _draw_done(
+        context: bpy.types.Context, box: bpy.types.UILayout, settings: Settings, done: str
+    ) -> None:
+        draw_words(context, box, done, "CHECKMARK", boxed=True)
         row = box.row(align=True)
         # What is seen is the transfer's state, or that of the step before it.
         after = settings.transfers >= notice.transfer

@@ -181,7 +181,7 @@ TABLE = (
     ("Blue is sure, yellow is doubtful", "青は確実、黄は不確実", "蓝色可靠,黄色存疑"),
     (
         "Equal colors match. Left and right differ in hue",
-        "同じ色が対応します。左右は色相が異なります",
+        "同じ色が対応します。左右で色相が違います",
         "相同颜色互相对应,左右色相不同",
     ),
     ("White is left out", "白は除外です", "白色已排除"),

@@ -2,6 +2,7 @@
 """Transfer: carry the checked data across stored matches."""
 
 from collections.abc import Generator, Iterable, Sequence
+from functools import partial
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
@@ -68,14 +69,14 @@ def _of_many(
         yield (number + share) / many, words
 
 
-def _summary(brought: Carried, done: Sequence[Sequence[bpy.types.Object]]) -> str:
-    """Words such as "Done: 41 groups, rig", and to how many targets if to several."""
+def _summary(brought: Carried, meshes: Sequence[int]) -> str:
+    """Words such as "Done: 41 groups, rig", and to how many targets, of so many meshes each, if several."""
     what = brought.summary() or said("nothing to carry")
-    if len(done) == 1:
+    if len(meshes) == 1:
         return said("Done: {}", what)
-    if max(map(len, done)) > 1:
-        return said("Done to {} characters: {}", len(done), what)
-    return said("Done to {} meshes: {}", len(done), what)
+    if max(meshes) > 1:
+        return said("Done to {} characters: {}", len(meshes), what)
+    return said("Done to {} meshes: {}", len(meshes), what)
 
 
 class GivenOptions:
@@ -148,9 +149,9 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
         if not self._done:
             self.tell({"INFO"}, "Transfer stopped; nothing was changed")
             return {"CANCELLED"}
-        done = _summary(self._brought, self._done)
+        done = partial(_summary, self._brought, [len(pieces) for pieces in self._done])
         show.show_after_transfer(context, [obj for pieces in self._done for obj in pieces], self._brought)
-        self.tell({"INFO"}, ("Stopped.\n" if job.cancelling else "") + done)
+        self.tell({"INFO"}, ("Stopped.\n" if job.cancelling else "") + done())
         self._offer(context.scene.spectral_match)
         notice.finish(context, done, self._brought.notes)
         return {"FINISHED"}

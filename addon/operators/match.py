@@ -191,9 +191,8 @@ class MatchOperator(JobOperator):
         if not stored:
             return self.fail("\n".join(trouble))
         if brought.names:
-            done = said("Done: {}", brought.summary())
             show.show_after_transfer(context, stored, brought)
-            notice.finish(context, done, trouble)
+            notice.finish(context, lambda: said("Done: {}", brought.summary()), trouble)
         else:
             show.show_after_match(context, stored)
             self.warn(trouble)

@@ -239,7 +239,8 @@ def _own_rig(
     if before is not None and _has_bones(before, named):
         return before, False
     own = object_copy(rig, target)
-    own.name = f"{rig.name} {replaced[0].name if replaced else character.of(target).name}"
+    # The target's name first: panels that are narrow show the beginning, and name the character by its rig.
+    own.name = f"{replaced[0].name if replaced else character.of(target).name} {rig.name}"
     own.data = copied(rig.data)
     own.data.name = own.name
     own.parent = None

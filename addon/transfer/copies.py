@@ -63,7 +63,19 @@ def object_copy(original: bpy.types.Object, target: bpy.types.Object) -> bpy.typ
     places = [place for place in target.users_collection if place.is_editable and not place.override_library]
     for place in places or [target.users_scene[0].collection]:
         place.objects.link(own)
+    _enter_local_views(own, target)
     return own
+
+
+def _enter_local_views(own: bpy.types.Object, target: bpy.types.Object) -> None:
+    """Show a new object in the local views that show the target: they leave out what comes later."""
+    for window in bpy.context.window_manager.windows:
+        if window.view_layer.objects.get(own.name) != own:
+            continue
+        for area in window.screen.areas:
+            space = area.spaces.active
+            if area.type == "VIEW_3D" and space.local_view is not None and target.local_view_get(space):
+                own.local_view_set(space, True)
 
 
 def comes_from(own: bpy.types.Object, original: bpy.types.Object) -> bool:

@@ -11,8 +11,10 @@ from test_transfer import store_identity
 
 from addon import job, menus, notice, pair, palette
 from addon.mesh_read import value_of
+from addon.operators import carry as carrying
 from addon.operators.carry import ADJUSTED, carry
 from addon.transfer import Carried, said_once
+from addon.translation_table import TABLE
 
 GROUPS = [f"Bone {number:02}" for number in range(25)]
 
@@ -34,11 +36,19 @@ def test_what_came_is_counted_in_words(bodies, scene):
     scene.spectral_match.skip("groups", GROUPS[0], True)
     scene.spectral_match.use_marks = False
     assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
-    assert notice.done == "Done: 24 groups, 1 UV map"
+    assert notice.done() == "Done: 24 groups, 1 UV map"
     assert len(target.vertex_groups) == 24
     assert scene.spectral_match.transfers == notice.transfer == 1
     bpy.ops.spectral_match.dismiss()
     assert not notice.done
+
+
+def test_what_came_is_said_in_the_language_of_the_moment(bodies, monkeypatch):
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    assert notice.done().startswith("Done: ")
+    japanese = {row[0]: row[1] for row in TABLE}
+    monkeypatch.setattr(carrying, "said", lambda text, *values: japanese[text].format(*values))
+    assert notice.done().startswith("完了: ")
 
 
 def test_one_kind_without_a_plural_is_not_counted():

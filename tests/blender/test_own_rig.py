@@ -131,9 +131,9 @@ def test_a_rig_that_stays_is_not_said_to_have_come(figures):
     source, target, rig, own = figures
     transfer(source.obj, target.obj, kinds="groups,armature", own_rig="KEEP")
     assert armatures_on(target.obj) == [own] and "keeps its rig 'Own'" in notice.words
-    assert notice.done.startswith("Done: ") and "rig" not in notice.done
+    assert notice.done().startswith("Done: ") and "rig" not in notice.done()
     transfer(source.obj, target.obj, kinds="groups,armature", own_rig="REPLACE")
-    assert armatures_on(target.obj) != [own] and notice.done.endswith(", rig")
+    assert armatures_on(target.obj) != [own] and notice.done().endswith(", rig")
 
 
 @pytest.mark.parametrize("wish", ["AUTO", "KEEP"])

@@ -1140,7 +1140,7 @@ def test_a_rig_that_is_replaced_is_told_of(copies):
     add_bone(rig, "Jaw", (0, 0, 0), (0, 0, 0.5))
     transfer(source, target, kinds="groups,armature")
     assert target.find_armature() == target.parent != first
-    assert "'Target' got a new rig. 'Rig Target' stays in the scene" in notice.words
+    assert "'Target' got a new rig. 'Target Rig' stays in the scene" in notice.words
     transfer(source, target, kinds="groups,armature")
     assert not notice.words
 
