@@ -34,7 +34,7 @@ use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::{Mesh, normals_of};
 use crate::watch::progress::Check;
 
-use creases::{Creases, bends};
+use creases::bends;
 use ground::Ground;
 use membrane::{Membrane, Symmetric, along, times};
 
