@@ -11,6 +11,7 @@
 
 use crate::algebra::oriented_tree::{Oriented, OrientedTree, oriented, squared_distance};
 use crate::algebra::vector::{self, Point};
+use crate::matching::detail::membrane::{Symmetric, along, times};
 use crate::matching::detail::settings::CREASES;
 use crate::mesh::Mesh;
 
@@ -134,14 +135,24 @@ impl Creases {
         CREASES.reach * self.length
     }
 
-    /// Where the nearest crease of the kind of a vertex is, at ρ² = `turning`, the direction in which it bends, and the cosine
-    /// between the normals; nothing where the vertex is on none or none lies within reach.
-    pub(super) fn nearest(
+    /// How the nearest crease of its kind draws a vertex with its place, normal and area, and by how much: M and M times the way
+    /// to there. Nothing where none does.
+    pub(super) fn drawing(
         &self,
         bend: &Bend,
-        query: &Oriented,
-        turning: f64,
-    ) -> Option<(Point, Point, f64)> {
+        (place, normal): (Point, Point),
+        rho: f64,
+        area: f64,
+    ) -> Option<(Symmetric, Point)> {
+        let query = oriented(place, normal);
+        let (there, across, cosine) = self.nearest(bend, &query, rho * rho)?;
+        let draw = along(across, 0.0, CREASES.drawn * area * cosine * cosine);
+        Some((draw, times(&draw, vector::sub(there, place))))
+    }
+
+    /// Where the nearest crease of the kind of a vertex is, at ρ² = `turning`, the direction in which it bends, and the cosine
+    /// between the normals; nothing where the vertex is on none or none lies within reach.
+    fn nearest(&self, bend: &Bend, query: &Oriented, turning: f64) -> Option<(Point, Point, f64)> {
         let kind = &self.kinds[usize::from(bend.curvature > 0.0)];
         if !bend.is_crease(self.length) || kind.places.is_empty() {
             return None;

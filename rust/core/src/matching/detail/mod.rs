@@ -23,10 +23,9 @@ mod membrane;
 pub mod settings;
 mod similar;
 
-use crate::algebra::oriented_tree::oriented;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
-use crate::matching::detail::settings::{CREASES, DETAIL};
+use crate::matching::detail::settings::DETAIL;
 use crate::mesh::copies::{Triangles, originals};
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::mesh::settings::COPIES;
@@ -152,15 +151,10 @@ pub(crate) fn refined(
                 };
                 let mut draw = along(foot.normal, DETAIL.across, weight);
                 let mut toward = times(&draw, vector::sub(foot.place, places[v]));
-                let crease = if length < creases.reach() {
-                    let query = oriented(places[v], facing[v]);
-                    creases.nearest(&own_bends[v], &query, rho[v] * rho[v])
-                } else {
-                    None
-                };
-                if let Some((place, across, cosine)) = crease {
-                    let more = along(across, 0.0, CREASES.drawn * areas[v] * cosine * cosine);
-                    let off = times(&more, vector::sub(place, places[v]));
+                let at = (places[v], facing[v]);
+                if length < creases.reach()
+                    && let Some((more, off)) = creases.drawing(&own_bends[v], at, rho[v], areas[v])
+                {
                     toward = vector::add(toward, off);
                     for (all, more) in draw.iter_mut().zip(more) {
                         *all += more;
