@@ -74,7 +74,9 @@ def _enter_local_views(own: bpy.types.Object, target: bpy.types.Object) -> None:
             continue
         for area in window.screen.areas:
             space = area.spaces.active
-            if area.type == "VIEW_3D" and space.local_view is not None and target.local_view_get(space):
+            if not isinstance(space, bpy.types.SpaceView3D) or space.local_view is None:
+                continue
+            if target.local_view_get(space):
                 own.local_view_set(space, True)
 
 
