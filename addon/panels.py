@@ -27,7 +27,7 @@ from . import (
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_option, draw_words, fold
 from .lines import Lines
 from .operators import pick, show
-from .operators.outfit import copies_on, wearer_of
+from .operators.outfit import wearer_of
 from .operators.settings import PRESETS, draw_presets, path_menu
 from .outfit import live, wardrobe
 from .translation import OWN_CONTEXT, said
@@ -521,11 +521,11 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         row = layout.row()
         row.scale_y = BIG
         row.operator("spectral_match.fit_outfit", icon="MOD_CLOTH")
-        copies = copies_on(found.targets)
-        if settings.outfit_inside and copies:
+        kept = live.kept_on(found.targets) if settings.outfit_inside else []
+        if kept:
             words = settings.outfit_inside
             draw_words(context, layout, words[:1].upper() + words[1:], dim=True)
-            looked_at = live.looked_at(copies)
+            looked_at = live.looked_at(kept)
             layout.operator("spectral_match.closer_look", icon="VIEWZOOM", depress=looked_at)
             if looked_at:
                 draw_words(context, layout, "Blue is as far as asked, yellow is inside", dim=True)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fit Outfit: copies of what one character wears, on the matched targets."""
 
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Sequence
 from typing import TYPE_CHECKING
 
 import bpy
@@ -170,15 +170,9 @@ class SPECTRAL_MATCH_OT_toggle_worn(Step, Operator):
         return {"FINISHED"}
 
 
-def copies_on(targets: "Iterable[Character]") -> list[bpy.types.Object]:
-    """The objects of the outfits on these characters that were fitted since the file was opened."""
-    pieces = [piece for target in targets for piece in target.whole]
-    return [obj for _, copies in live.kept_for(pieces) for obj in copies]
-
-
 def needs_fitted(context: bpy.types.Context) -> str:
     missing = needs_matched(context)
-    if missing or copies_on(pair.resolve(context).targets):
+    if missing or live.kept_on(pair.resolve(context).targets):
         return missing
     return "No outfit was fitted since the file was opened. Press Fit Outfit first"
 
@@ -198,17 +192,17 @@ class SPECTRAL_MATCH_OT_closer_look(Step, Operator):
 
     def act(self, context: bpy.types.Context) -> Outcome:
         targets = pair.resolve(context).targets
-        pieces = [piece for target in targets for piece in target.whole]
-        copies = copies_on(targets)
-        if live.looked_at(copies):
+        kept = live.kept_on(targets)
+        copies = [obj for _, own in kept for obj in own]
+        if live.looked_at(kept):
             show.show_nothing(context, [], copies)
             for obj in copies:
                 heat = obj.data.attributes.get(mesh_write.HEAT)
                 if heat is not None:
                     obj.data.attributes.remove(heat)
             return {"FINISHED"}
-        live.look_closer(pieces, options_of(context.scene.spectral_match))
-        show.show_heat(context, copies, pieces)
+        live.look_closer(kept, options_of(context.scene.spectral_match))
+        show.show_heat(context, copies, [piece for target in targets for piece in target.whole])
         return {"FINISHED"}
 
 

@@ -17,8 +17,11 @@ from ..typed import Floats, Settings
 from . import fitting
 
 if TYPE_CHECKING:
+    from ..character import Character
     from .reading import Garment
 
+# Fitted outfits, each with its copies in the scene.
+Kept = list[tuple[fitting.Fitted, list[bpy.types.Object]]]
 # A bound outfit holds some 2 kB a vertex, and its bodies as much.
 MOST_KEPT = 8
 # By the session ids of their copies, oldest first.
@@ -35,7 +38,7 @@ def keep(fitted: fitting.Fitted, copies: Sequence[bpy.types.Object]) -> None:
         _kept.popitem(last=False)
 
 
-def kept_for(targets: Iterable[bpy.types.Object]) -> list[tuple[fitting.Fitted, list[bpy.types.Object]]]:
+def kept_for(targets: Iterable[bpy.types.Object]) -> Kept:
     """The outfits on these objects that can still be placed anew, with their copies."""
     wanted = {obj.session_uid for obj in targets}
     found = []
@@ -53,10 +56,15 @@ def _is_whole(obj: bpy.types.Object, garment: Garment) -> bool:
     return there and len(obj.data.vertices) == len(garment.points)
 
 
-def place_again(targets: Iterable[bpy.types.Object], options: fitting.Options) -> tuple[int, int]:
-    """Place the outfits on these objects anew; returns how many vertices are inside now, and of how many."""
+def kept_on(targets: Iterable[Character]) -> Kept:
+    """The same on these characters."""
+    return kept_for(piece for target in targets for piece in target.whole)
+
+
+def place_again(kept: Kept, options: fitting.Options) -> tuple[int, int]:
+    """Place outfits anew; returns how many vertices are inside now, and of how many."""
     inside = many = 0
-    for fitted, copies in kept_for(targets):
+    for fitted, copies in kept:
         places = fitting.place(fitted.fitting, fitted.wish, options)
         back = fitted.wish.back
         for obj, garment, worn in zip(copies, fitted.wish.garments, fitted.worn, strict=True):
@@ -67,9 +75,9 @@ def place_again(targets: Iterable[bpy.types.Object], options: fitting.Options) -
     return inside, many
 
 
-def look_closer(targets: Iterable[bpy.types.Object], options: fitting.Options) -> None:
-    """Give the outfits on these objects a heat map, from yellow inside the body to blue as far as asked."""
-    for fitted, copies in kept_for(targets):
+def look_closer(kept: Kept, options: fitting.Options) -> None:
+    """Give outfits a heat map, from yellow inside the body to blue as far as asked."""
+    for fitted, copies in kept:
         points = np.concatenate([mesh_read.positions(obj.data) for obj in copies])
         places = points @ np.linalg.inv(fitted.wish.back)
         shares = fitting.shares_kept(fitted.fitting, fitted.wish, places, options)
@@ -77,9 +85,9 @@ def look_closer(targets: Iterable[bpy.types.Object], options: fitting.Options) -
             mesh_write.write_heat(obj.data, shares[garment.vertices])
 
 
-def looked_at(copies: Iterable[bpy.types.Object]) -> bool:
-    """Whether one of an outfit's objects has a heat map."""
-    return any(mesh_write.HEAT in obj.data.attributes for obj in copies)
+def looked_at(kept: Kept) -> bool:
+    """Whether an object of these outfits has a heat map."""
+    return any(mesh_write.HEAT in obj.data.attributes for _, copies in kept for obj in copies)
 
 
 def put(own: bpy.types.Object, points: Floats, keys: Mapping[str, Floats]) -> None:
@@ -101,12 +109,12 @@ def put(own: bpy.types.Object, points: Floats, keys: Mapping[str, Floats]) -> No
 
 def follow_sliders(settings: Settings, context: bpy.types.Context) -> None:
     """Place the outfits on the chosen targets as the sliders say."""
-    targets = [piece for target in pair.resolve(context).targets for piece in target.whole]
+    kept = kept_on(pair.resolve(context).targets)
     options = fitting.Options(settings.outfit_distance, settings.outfit_tightness)
     try:
-        inside, many = place_again(targets, options)
-        if looked_at(obj for _, copies in kept_for(targets) for obj in copies):
-            look_closer(targets, options)
+        inside, many = place_again(kept, options)
+        if looked_at(kept):
+            look_closer(kept, options)
     except core.load().SgmdsError as reason:
         notice.say(str(reason))
         return

@@ -332,6 +332,16 @@ def test_joints_of_a_rigid_copy_are_exact(character):
         np.testing.assert_allclose(scales, 2.0, rtol=1e-9)
 
 
+def with_the_body_in_place(character, source, target):
+    """The map of meshes that begin with the character: its vertices to themselves, all others unmatched."""
+    triangle, corner = np.zeros(len(target[0]), int), np.zeros(len(target[0]), int)
+    numbers = np.arange(len(character.faces))
+    for k in range(3):
+        triangle[character.faces[:, k]], corner[character.faces[:, k]] = numbers, k
+    trust = np.where(np.arange(len(target[0])) < len(character.vertices), 1.0, 0.0)
+    return sgmds.SurfaceMap(source, target, triangle, np.eye(3)[corner], trust)
+
+
 def test_small_parts_go_to_their_counterparts(character):
     """Two unmatched balls beside the head: each goes to its own side, though numbered the other way round."""
     vertices, faces, _ = sphere(6, 8)
@@ -347,11 +357,7 @@ def test_small_parts_go_to_their_counterparts(character):
 
     source, target = with_balls((0, 1)), with_balls((1, 0))
     count, extra = len(character.vertices), len(vertices)
-    triangle, corner = np.zeros(len(target[0]), int), np.zeros(len(target[0]), int)
-    for k in range(3):
-        triangle[character.faces[:, k]], corner[character.faces[:, k]] = np.arange(len(character.faces)), k
-    trust = np.where(np.arange(len(target[0])) < count, 1.0, 0.0)
-    way = sgmds.SurfaceMap(source, target, triangle, np.eye(3)[corner], trust)
+    way = with_the_body_in_place(character, source, target)
     np.testing.assert_allclose(way.images[count:], target[0][count:], atol=1e-3)
     assert (way.confidence[count:] > 0.0).all()
     assert (way.confidence[count : count + extra] < 1.0).all()
@@ -372,24 +378,13 @@ def test_a_small_part_goes_to_what_has_its_shape(character):
             points.append(head + (x, -0.3, 0.1) + 0.05 * shape)
         return np.concatenate(points), np.concatenate(faces)
 
-    def moved(source, target):
-        count = len(character.vertices)
-        triangle, corner = np.zeros(len(target[0]), int), np.zeros(len(target[0]), int)
-        for k in range(3):
-            triangle[character.faces[:, k]], corner[character.faces[:, k]] = (
-                np.arange(len(character.faces)),
-                k,
-            )
-        trust = np.where(np.arange(len(target[0])) < count, 1.0, 0.0)
-        return sgmds.SurfaceMap(source, target, triangle, np.eye(3)[corner], trust)
-
     n, extra = len(character.vertices), len(ball)
     source = beside((ball, 0.0), (plate, 0.06))
-    way = moved(source, beside((plate, 0.01), (ball, 0.05)))
+    way = with_the_body_in_place(character, source, beside((plate, 0.01), (ball, 0.05)))
     # The plate comes first on the target and second on the source.
     np.testing.assert_allclose(way.images[n : n + extra], source[0][n + extra :], atol=1e-3)
     np.testing.assert_allclose(way.images[n + extra :], source[0][n : n + extra], atol=1e-3)
-    without = moved(beside((ball, 0.0)), beside((plate, 0.01)))
+    without = with_the_body_in_place(character, beside((ball, 0.0)), beside((plate, 0.01)))
     assert (without.confidence[n:] == 0.0).all()
 
 

@@ -50,6 +50,14 @@ pub fn by_columns(columns: &[Point; 3], v: Point) -> Point {
     add(a, add(b, c))
 }
 
+/// Mean of points, no sum of which overflows.
+#[must_use]
+pub fn mean(points: &[Point]) -> Point {
+    let share = 1.0 / points.len() as f64;
+    let sum = |sum, &p| add(sum, scaled(p, share));
+    points.iter().fold([0.0; 3], sum)
+}
+
 /// The largest side of the box around some points, 0 around none.
 #[must_use]
 pub fn extent(points: &[Point]) -> f64 {
@@ -75,6 +83,22 @@ pub fn normalised(a: Point) -> Point {
     } else {
         [0.0; 3]
     }
+}
+
+/// Two unit vectors that make a right-handed frame with a unit normal.
+#[must_use]
+pub fn tangent_frame(normal: Point) -> [Point; 2] {
+    let smallest = (0..3).fold(0, |best, c| {
+        if normal[c].abs() < normal[best].abs() {
+            c
+        } else {
+            best
+        }
+    });
+    let mut axis = [0.0; 3];
+    axis[smallest] = 1.0;
+    let first = normalised(cross(normal, axis));
+    [first, cross(normal, first)]
 }
 
 /// ‖a − b‖.

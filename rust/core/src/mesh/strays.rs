@@ -54,7 +54,7 @@ pub fn settled(vertices: &[Point], faces: &[[u32; 3]]) -> Option<Settled> {
         if feet.is_empty() {
             continue;
         }
-        let middle = mean(&feet);
+        let middle = vector::mean(&feet);
         let width = feet.iter().map(|&p| scaled_distance(p, middle));
         let width = width.fold(0.0, f64::max);
         if scaled_distance(vertices[v as usize], middle) < STRAYS.slender * width {
@@ -71,7 +71,7 @@ pub fn settled(vertices: &[Point], faces: &[[u32; 3]]) -> Option<Settled> {
                     .iter()
                     .filter_map(|&u| place[is_far[u as usize]]);
                 let known: Vec<Point> = known.collect();
-                (!known.is_empty()).then(|| (own, mean(&known)))
+                (!known.is_empty()).then(|| (own, vector::mean(&known)))
             })
             .collect();
         if next.is_empty() {
@@ -147,14 +147,6 @@ fn at_one_place(vertices: &[Point], some: &[u32]) -> Vec<usize> {
     some.iter()
         .map(|&v| places.partition_point(|place| *place < bits(v)))
         .collect()
-}
-
-/// Mean of points, none of which overflows.
-fn mean(points: &[Point]) -> Point {
-    let share = 1.0 / points.len() as f64;
-    points.iter().fold([0.0; 3], |sum, &p| {
-        vector::add(sum, vector::scaled(p, share))
-    })
 }
 
 /// Distance whose squares neither overflow nor vanish.

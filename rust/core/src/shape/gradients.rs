@@ -43,7 +43,7 @@ impl TangentGradients {
             defined.push(vector::dot(normal, normal) > 0.0);
             vectorised(
                 #[inline(always)]
-                || sum_gradients(shape, v, tangent_frame(normal), &mut sums),
+                || sum_gradients(shape, v, vector::tangent_frame(normal), &mut sums),
             );
             let [first, second] = &sums;
             rows.extend(first.iter().zip(second).map(|(&x, &y)| [x, y]));
@@ -166,21 +166,6 @@ pub fn better_signs(coverage: MatRef<'_, f64>) -> Vec<f64> {
             _ => return signs,
         }
     }
-}
-
-/// Two unit vectors that make a right-handed frame with a unit normal.
-fn tangent_frame(normal: Point) -> [Point; 2] {
-    let smallest = (0..3).fold(0, |best, c| {
-        if normal[c].abs() < normal[best].abs() {
-            c
-        } else {
-            best
-        }
-    });
-    let mut axis = [0.0; 3];
-    axis[smallest] = 1.0;
-    let first = vector::normalised(vector::cross(normal, axis));
-    [first, vector::cross(normal, first)]
 }
 
 /// Area-weighted sums of the face gradients around a vertex, times two: along either axis of a frame.

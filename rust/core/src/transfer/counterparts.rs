@@ -34,7 +34,7 @@ impl Piece {
     /// A piece whose vertices are moved; nothing where they are at one place.
     fn new(
         surface: &Surface,
-        (vertices, triangles): (&[u32], &[u32]),
+        (vertices, triangles): (Vec<u32>, Vec<u32>),
         moved: impl Fn(Point) -> Point,
     ) -> Result<Option<Self>> {
         let places: Vec<Point> = (vertices.iter())
@@ -52,11 +52,11 @@ impl Piece {
             .map(|&p| vector::scaled(vector::sub(p, centre), 1.0 / radius))
             .collect();
         Ok(Some(Self {
-            vertices: vertices.to_vec(),
-            triangles: triangles.to_vec(),
+            normalised: Surface::new(normalised, &corners)?,
+            vertices,
+            triangles,
             centre,
             radius,
-            normalised: Surface::new(normalised, &corners)?,
         }))
     }
 
@@ -80,9 +80,7 @@ impl Piece {
 /// Centre and root mean square radius of some points.
 fn extent(points: &[Point]) -> (Point, f64) {
     let share = 1.0 / points.len() as f64;
-    let centre = (points.iter()).fold([0.0; 3], |sum, &p| {
-        vector::add(sum, vector::scaled(p, share))
-    });
+    let centre = vector::mean(points);
     let square = |&p: &Point| {
         let off = vector::sub(p, centre);
         share * vector::dot(off, off)
@@ -154,21 +152,24 @@ impl SurfaceMap {
                 taken[source_piece[corner as usize] as usize] = true;
             }
         }
+        let around: Vec<usize> = (0..piece.len())
+            .filter(|&v| matched[piece[v] as usize])
+            .collect();
         let mut pieces = Vec::new();
-        for (c, (vertices, triangles)) in members(&self.target, &piece, count).iter().enumerate() {
-            if !matched[c] && !triangles.is_empty() {
-                let there = self.surroundings(vertices, |v| matched[piece[v] as usize]);
-                let moved = |p| there.apply(p);
-                pieces.extend(Piece::new(&self.target, (vertices, triangles), moved)?);
+        for (own, matched) in members(&self.target, &piece, count)
+            .into_iter()
+            .zip(matched)
+        {
+            if !matched && !own.1.is_empty() {
+                let there = self.surroundings(&own.0, &around);
+                pieces.extend(Piece::new(&self.target, own, |p| there.apply(p))?);
             }
         }
         let mut others = Vec::new();
-        for (d, (vertices, triangles)) in members(&self.source, &source_piece, source_count)
-            .iter()
-            .enumerate()
-        {
-            if !taken[d] {
-                others.extend(Piece::new(&self.source, (vertices, triangles), |p| p)?);
+        let members = members(&self.source, &source_piece, source_count);
+        for (own, taken) in members.into_iter().zip(taken) {
+            if !taken {
+                others.extend(Piece::new(&self.source, own, |p| p)?);
             }
         }
         let mut points = self.points.clone();
@@ -189,11 +190,10 @@ impl SurfaceMap {
         Self::new(self.source, self.target, &faces, &weights, confidence)
     }
 
-    /// The similarity from target to source of the vertices that count around a piece.
-    fn surroundings(&self, piece: &[u32], counts: impl Fn(usize) -> bool) -> Similarity {
+    /// The similarity from target to source of some vertices, those near a piece above all.
+    fn surroundings(&self, piece: &[u32], around: &[usize]) -> Similarity {
         let place = |&v: &u32| self.target.vertices[v as usize];
         let (centre, radius) = extent(&piece.iter().map(place).collect::<Vec<_>>());
-        let around: Vec<usize> = (0..self.points.len()).filter(|&v| counts(v)).collect();
         let near = (around.iter())
             .map(|&v| vector::distance(self.target.vertices[v], centre))
             .fold(f64::INFINITY, f64::min);

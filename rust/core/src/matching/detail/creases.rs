@@ -1,10 +1,10 @@
 //! Creases draw creases: rims of lids, lips and nostrils, edges of nails and cuffs.
 //!
-//! Along its normal a vertex finds the other surface; across it, only where that bends. With normals nᵢ and unit tangents tᵢⱼ towards
-//! the neighbours, Mᵢ = mean of κᵢⱼ tᵢⱼtᵢⱼᵀ, κᵢⱼ = ⟨nⱼ − nᵢ, tᵢⱼ⟩ / ‖pⱼ − pᵢ‖, has the eigenvalues (3a + b)/8 and (a + 3b)/8, a and b being
-//! the principal curvatures. A vertex is on a crease where the larger of these is above `CREASES.bend` by the finest length of
-//! averaging: on a ridge where it is positive, else in a valley. It is drawn to the nearest place of that kind that faces the same way, in the direction in which
-//! that bends, and stays free to slide along.
+//! Along its normal a vertex finds the other surface; across it, only where that bends. With normals nᵢ and unit tangents tᵢⱼ
+//! towards the neighbours, Mᵢ = mean of κᵢⱼ tᵢⱼtᵢⱼᵀ, κᵢⱼ = ⟨nⱼ − nᵢ, tᵢⱼ⟩ / ‖pⱼ − pᵢ‖, has the eigenvalues (3a + b)/8 and (a +
+//! 3b)/8, a and b being the principal curvatures. A vertex is on a crease where the larger of these is above `CREASES.bend` by
+//! the finest length of averaging: on a ridge where it is positive, else in a valley. It is drawn to the nearest place of that
+//! kind that faces the same way, in the direction in which that bends, and stays free to slide along.
 //!
 //! # Source
 //! Taubin, "Estimating the tensor of curvature of a surface from a polyhedral approximation", 1995.
@@ -33,7 +33,7 @@ impl Bend {
 
 /// How a mesh bends at each vertex.
 pub(super) fn bends(mesh: &Mesh, normals: &[Point]) -> Vec<Bend> {
-    let frames: Vec<[Point; 2]> = normals.iter().map(|&n| tangents(n)).collect();
+    let frames: Vec<[Point; 2]> = normals.iter().map(|&n| vector::tangent_frame(n)).collect();
     // κ t tᵀ in the frame, summed, and how many.
     let mut sums = vec![([0.0; 3], 0.0); normals.len()];
     for &[a, b, c] in &mesh.faces {
@@ -74,20 +74,6 @@ pub(super) fn bends(mesh: &Mesh, normals: &[Point]) -> Vec<Bend> {
         .zip(frames)
         .map(|(sum, frame)| of_vertex(sum, frame))
         .collect()
-}
-
-/// Two directions at right angles to a third and to each other.
-fn tangents(normal: Point) -> [Point; 2] {
-    let [x, y, z] = normal.map(f64::abs);
-    let axis = if x <= y && x <= z {
-        [1.0, 0.0, 0.0]
-    } else if y <= z {
-        [0.0, 1.0, 0.0]
-    } else {
-        [0.0, 0.0, 1.0]
-    };
-    let first = vector::normalised(vector::cross(normal, axis));
-    [first, vector::cross(normal, first)]
 }
 
 /// Ridges or valleys of a surface.

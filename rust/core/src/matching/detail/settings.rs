@@ -39,11 +39,12 @@ settings! {
 
     /// Creases draw creases across the normal. Lengths are in the finest lengths of averaging.
     CREASES: Creases {
-        /// Curvature of a crease, radians a length: of a radius of 5 mm on a person's face of 2 mm edges.
+        /// Curvature of a crease, radians a length: of a radius of 5 mm on a person's face of 2 mm edges. With half as
+        /// much again lids close by 0.95 instead of 0.98.
         bend: f64 = 0.28,
         /// From how far a crease draws, once displacements are averaged over less than that.
         reach: f64 = 3.0,
-        /// How strongly, relative to the surface along its normal.
+        /// How strongly, relative to the surface along its normal: twice as strongly lids close by 0.96.
         drawn: f64 = 1.0,
     }
 

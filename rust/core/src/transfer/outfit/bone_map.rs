@@ -310,6 +310,16 @@ mod tests {
         (0..bones).map(|b| b - 1).collect()
     }
 
+    /// Partners of the bones of one rig, weights and parents, in another.
+    fn partners(
+        map: &SurfaceMap,
+        (skin_1, parents_1): (&SkinWeights, &[i64]),
+        (skin_2, parents_2): (&SkinWeights, &[i64]),
+    ) -> Vec<Partner> {
+        let rig = |skin, parents| Rig { skin, parents };
+        bone_map(map, rig(skin_1, parents_1), rig(skin_2, parents_2)).unwrap()
+    }
+
     #[test]
     fn a_rig_is_its_own_partner_and_bones_without_skin_have_none() {
         let (map, skin) = strip(23, 4);
@@ -332,18 +342,7 @@ mod tests {
             let (map, one) = strip(83, many);
             let (_, other) = strip(83, few);
             let parents = [chain(many as i64), chain(few as i64)];
-            let found = bone_map(
-                &map,
-                Rig {
-                    skin: &one,
-                    parents: &parents[0],
-                },
-                Rig {
-                    skin: &other,
-                    parents: &parents[1],
-                },
-            )
-            .unwrap();
+            let found = partners(&map, (&one, &parents[0]), (&other, &parents[1]));
             let taken: Vec<u32> = found.iter().filter_map(|p| p.bone).collect();
             assert!(taken.windows(2).all(|w| w[0] < w[1]), "{taken:?}");
             assert_eq!(taken.len(), many.min(few));
@@ -360,11 +359,7 @@ mod tests {
         let (map, skin) = strip(83, 3);
         let parents = [chain(3), vec![3, 4, 5, 6, 6, 6, -1]];
         for [one, other] in [[0, 1], [1, 0], [1, 1]] {
-            let rig = |which: usize| Rig {
-                skin: &skin,
-                parents: &parents[which],
-            };
-            let found = bone_map(&map, rig(one), rig(other)).unwrap();
+            let found = partners(&map, (&skin, &parents[one]), (&skin, &parents[other]));
             for (bone, partner) in (0..3).zip(&found) {
                 assert_eq!((partner.bone, partner.share), (Some(bone), 1.0));
             }
@@ -384,18 +379,7 @@ mod tests {
         let (map, three) = strip(83, 3);
         let two = columns(|column| u32::from(column >= 76), 2);
         let parents = [chain(3), chain(2)];
-        let found = bone_map(
-            &map,
-            Rig {
-                skin: &three,
-                parents: &parents[0],
-            },
-            Rig {
-                skin: &two,
-                parents: &parents[1],
-            },
-        )
-        .unwrap();
+        let found = partners(&map, (&three, &parents[0]), (&two, &parents[1]));
         assert_eq!(found[2].nearest, Some(0));
     }
 
@@ -405,18 +389,7 @@ mod tests {
         let (map, _) = strip(83, 2);
         let one = columns(|column| u32::from(column >= 56), 2);
         let other = columns(|column| u32::from((56..78).contains(&column)), 2);
-        let found = bone_map(
-            &map,
-            Rig {
-                skin: &one,
-                parents: &[-1, 0],
-            },
-            Rig {
-                skin: &other,
-                parents: &[1, -1],
-            },
-        )
-        .unwrap();
+        let found = partners(&map, (&one, &[-1, 0]), (&other, &[1, -1]));
         assert_eq!((found[0].bone, found[1].bone), (Some(0), None));
         assert_eq!(found[1].nearest, Some(0));
     }
