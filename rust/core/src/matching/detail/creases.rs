@@ -3,8 +3,9 @@
 //! Along its normal a vertex finds the other surface; across it, only where that bends. With normals nᵢ and unit tangents tᵢⱼ
 //! towards the neighbours, Mᵢ = mean of κᵢⱼ tᵢⱼtᵢⱼᵀ, κᵢⱼ = ⟨nⱼ − nᵢ, tᵢⱼ⟩ / ‖pⱼ − pᵢ‖, has the eigenvalues (3a + b)/8 and (a +
 //! 3b)/8, a and b being the principal curvatures. A vertex is on a crease where the larger of these is above `CREASES.bend` by
-//! the finest length of averaging: on a ridge where it is positive, else in a valley. It is drawn to the nearest place of that
-//! kind that faces the same way, in the direction in which that bends, and stays free to slide along.
+//! the finest length of averaging, and its radius below `CREASES.broadest`, so that limbs of a coarse mesh are none: on a ridge
+//! where it is positive, else in a valley. It is drawn to the nearest place of that kind that faces the same way, in the
+//! direction in which that bends, and stays free to slide along.
 //!
 //! # Source
 //! Taubin, "Estimating the tensor of curvature of a surface from a polyhedral approximation", 1995.
@@ -25,9 +26,9 @@ pub(super) struct Bend {
 }
 
 impl Bend {
-    /// Whether it bends by more than `CREASES.bend` over a length.
+    /// Whether it bends by more than `CREASES.bend` over a length, and by a radius of less than `CREASES.broadest`.
     fn is_crease(&self, length: f64) -> bool {
-        self.curvature.abs() * length > CREASES.bend
+        self.curvature.abs() > f64::max(CREASES.bend / length, 1.0 / CREASES.broadest)
     }
 }
 
