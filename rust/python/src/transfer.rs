@@ -225,7 +225,7 @@ impl SurfaceMap {
                 || Surface::new(target.0, &target.1),
             );
             transfer::SurfaceMap::new(source?, target?, &faces, &weights, confidence)?
-                .on_counterparts()
+                .on_counterparts(0.0)
         })?;
         Ok(Self {
             map: Arc::new(map),

@@ -13,6 +13,7 @@ use crate::error::Result;
 use crate::figure::settings::{FIGURE, PULL_BACK};
 use crate::matching::Correspondence;
 use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::settings::COUNTERPARTS;
 use crate::transfer::surface::blend;
 use crate::transfer::{Surface, SurfaceMap};
 use crate::watch::progress::Progress;
@@ -229,14 +230,15 @@ fn unknown(target: &Figure, placed: &[Placed]) -> f64 {
 
 /// Pieces without an image of their own, on their counterparts of the source where it has them.
 fn on_counterparts(source: &Figure, target: &Figure, placed: Vec<Placed>) -> Result<Vec<Placed>> {
-    if target.pieces < 2 || placed.iter().all(|p| p.confidence > 0.0) {
+    if target.pieces < 2 {
         return Ok(placed);
     }
     let faces: Vec<i64> = placed.iter().map(|p| i64::from(p.point.face)).collect();
     let weights: Vec<[f64; 3]> = placed.iter().map(|p| p.point.weights).collect();
     let confidence = placed.iter().map(|p| p.confidence).collect();
     let (source, target) = (source.given()?.clone(), target.given()?.clone());
-    let map = SurfaceMap::new(source, target, &faces, &weights, confidence)?.on_counterparts()?;
+    let map = SurfaceMap::new(source, target, &faces, &weights, confidence)?
+        .on_counterparts(COUNTERPARTS.held)?;
     let points = map.points.iter().zip(&map.confidence);
     Ok(points
         .map(|(&point, &confidence)| Placed { point, confidence })

@@ -1,4 +1,4 @@
-//! Pieces that were not matched (eyes, teeth, a tongue, buttons) on their counterparts.
+//! Pieces that were not matched as a whole (eyes, teeth, a tongue, lids, buttons) on their counterparts.
 //!
 //! The similarity of the matched surface around a piece P of the target takes it to the source. Let a, b be its centre there and
 //! that of a piece Q of the source, r and s their root mean square radii, and δ(P, Q) the mean distance of the vertices of P from
@@ -128,47 +128,39 @@ fn paired(pieces: &[Piece], others: &[Piece]) -> Vec<Option<usize>> {
 }
 
 impl SurfaceMap {
-    /// The map with the target's unmatched pieces put onto their counterparts on the source.
+    /// The map with the target's loose pieces put onto their counterparts on the source.
     ///
-    /// A piece is unmatched when no vertex of it has any confidence; its counterpart is one that nothing matched lies on. Without
-    /// one it keeps the image it had.
+    /// A piece is held by a source's piece on which more than `share` of its vertices have an image with any confidence, and
+    /// loose where none holds it. Its counterpart is one that holds nothing. Without one it keeps the image it had.
     ///
     /// # Errors
     /// None beyond those of [`SurfaceMap::new`], which its own parts satisfy.
-    pub fn on_counterparts(self) -> Result<Self> {
+    pub fn on_counterparts(self, share: f64) -> Result<Self> {
         let (piece, count) = components(&self.target);
-        let mut matched = vec![false; count];
-        for (v, &c) in self.confidence.iter().enumerate() {
-            matched[piece[v] as usize] |= c > 0.0;
-        }
-        if !matched.contains(&false) || !matched.contains(&true) {
+        let (source_piece, source_count) = components(&self.source);
+        let own = members(&self.target, &piece, count);
+        let holder = self.holders(&piece, &own, &source_piece, share);
+        if !holder.contains(&None) || holder.iter().all(Option::is_none) {
             return Ok(self);
         }
-        let (source_piece, source_count) = components(&self.source);
-        let mut taken = vec![false; source_count];
-        for (v, point) in self.points.iter().enumerate() {
-            if matched[piece[v] as usize] {
-                let corner = self.source.triangles[point.face as usize][0];
-                taken[source_piece[corner as usize] as usize] = true;
-            }
+        let mut holds = vec![false; source_count];
+        for &d in holder.iter().flatten() {
+            holds[d as usize] = true;
         }
         let around: Vec<usize> = (0..piece.len())
-            .filter(|&v| matched[piece[v] as usize])
+            .filter(|&v| holder[piece[v] as usize].is_some())
             .collect();
         let mut pieces = Vec::new();
-        for (own, matched) in members(&self.target, &piece, count)
-            .into_iter()
-            .zip(matched)
-        {
-            if !matched && !own.1.is_empty() {
+        for (own, holder) in own.into_iter().zip(holder) {
+            if holder.is_none() && !own.1.is_empty() {
                 let there = self.surroundings(&own.0, &around);
                 pieces.extend(Piece::new(&self.target, own, |p| there.apply(p))?);
             }
         }
         let mut others = Vec::new();
-        let members = members(&self.source, &source_piece, source_count);
-        for (own, taken) in members.into_iter().zip(taken) {
-            if !taken {
+        let theirs = members(&self.source, &source_piece, source_count);
+        for (own, holds) in theirs.into_iter().zip(holds) {
+            if !holds {
                 others.extend(Piece::new(&self.source, own, |p| p)?);
             }
         }
@@ -190,6 +182,36 @@ impl SurfaceMap {
         Self::new(self.source, self.target, &faces, &weights, confidence)
     }
 
+    /// For each piece of the target that of the source which holds it.
+    fn holders(
+        &self,
+        piece: &[u32],
+        members: &[(Vec<u32>, Vec<u32>)],
+        source_piece: &[u32],
+        share: f64,
+    ) -> Vec<Option<u32>> {
+        let sure = (0..piece.len()).filter(|&v| self.confidence[v] > 0.0);
+        let mut pairs: Vec<(u32, u32)> = sure
+            .map(|v| {
+                let corner = self.source.triangles[self.points[v].face as usize][0];
+                (piece[v], source_piece[corner as usize])
+            })
+            .collect();
+        pairs.sort_unstable();
+        let mut most = vec![(0, None); members.len()];
+        for same in pairs.chunk_by(|a, b| a == b) {
+            let (c, d) = same[0];
+            let (count, holder) = &mut most[c as usize];
+            if same.len() > *count {
+                (*count, *holder) = (same.len(), Some(d));
+            }
+        }
+        let is_held = |count: usize, all: usize| count as f64 > share * all as f64;
+        (most.into_iter().zip(members))
+            .map(|((count, holder), (own, _))| holder.filter(|_| is_held(count, own.len())))
+            .collect()
+    }
+
     /// The similarity from target to source of some vertices, those near a piece above all.
     fn surroundings(&self, piece: &[u32], around: &[usize]) -> Similarity {
         let place = |&v: &u32| self.target.vertices[v as usize];
@@ -209,5 +231,67 @@ impl SurfaceMap {
             })
             .collect();
         Similarity::fitted(&pairs, self.mirrors())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::testing::{RINGS, torus_mesh};
+
+    /// A ring, and two small ones beside it.
+    fn rings() -> (Vec<Point>, Vec<[i64; 3]>) {
+        let (ring, triangles) = torus_mesh(RINGS, &[], 0.0);
+        let side = 2.0 * vector::extent(&ring);
+        let (mut vertices, mut faces) = (Vec::new(), Vec::new());
+        for (scale, x) in [(1.0, 0.0), (0.1, side), (0.1, -side)] {
+            let first = vertices.len() as i64;
+            let placed = |&p: &Point| vector::add(vector::scaled(p, scale), [x, 0.0, 0.0]);
+            vertices.extend(ring.iter().map(placed));
+            faces.extend(triangles.iter().map(|t| t.map(|v| v + first)));
+        }
+        (vertices, faces)
+    }
+
+    /// A map of these rings to themselves, but for the second: a part of it lies on the first, the rest on the third.
+    fn scattered(on_the_first: f64) -> SurfaceMap {
+        let (vertices, faces) = rings();
+        let n = vertices.len() / 3;
+        let corner = |v: usize| {
+            let t = faces.iter().position(|t| t.contains(&(v as i64)));
+            let t = t.expect("every vertex has a triangle");
+            let weights = faces[t].map(|c| f64::from(u8::from(c == v as i64)));
+            (t as i64, weights)
+        };
+        let image = |v: usize| match v / n {
+            1 if ((v - n) as f64) < on_the_first * n as f64 => v - n,
+            1 => v + n,
+            _ => v,
+        };
+        let (images, weights): (Vec<i64>, Vec<[f64; 3]>) =
+            (0..3 * n).map(|v| corner(image(v))).unzip();
+        let surface = || Surface::new(vertices.clone(), &faces).expect("a sound surface");
+        let sure = vec![1.0; 3 * n];
+        SurfaceMap::new(surface(), surface(), &images, &weights, sure).expect("a sound map")
+    }
+
+    fn off(map: &SurfaceMap) -> f64 {
+        let offs =
+            (map.target.vertices.iter().zip(map.images())).map(|(&a, &b)| vector::distance(a, b));
+        offs.fold(0.0, f64::max)
+    }
+
+    #[test]
+    fn a_piece_that_is_scattered_goes_as_a_whole_to_its_counterpart() {
+        // The third is held by itself, so that the second is what is left.
+        let put = scattered(0.5).on_counterparts(0.6).expect("a map");
+        assert!(off(&put) < 1e-9);
+        // What is held by one piece keeps its images, be it half of it.
+        for (on_the_first, share) in [(0.5, 0.0), (0.9, 0.6)] {
+            let kept = scattered(on_the_first);
+            let images = kept.images().to_vec();
+            let kept = kept.on_counterparts(share).expect("a map");
+            assert_eq!(kept.images(), &images[..]);
+        }
     }
 }

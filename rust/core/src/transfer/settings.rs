@@ -179,8 +179,11 @@ settings! {
         moves: usize = 4,
     }
 
-    /// Pieces that were not matched (eyes, teeth, a tongue, buttons) on their counterparts.
+    /// Pieces that were not matched as a whole (eyes, teeth, a tongue, lids, buttons) on their counterparts.
     COUNTERPARTS: Counterparts {
+        /// A piece of a figure is held where more than this share of its vertices lies on one piece: from 0.5 on lids, eyes
+        /// and mouths that take part in an envelope go to their own, from 0.7 on brows too, of which 0.65 lie on the head.
+        held: f64 = 0.7,
         /// Centres of counterparts, brought together by the body around, are at most this many radii apart.
         largest_offset: f64 = 1.5,
         /// Nor may one be this much larger than the other.
