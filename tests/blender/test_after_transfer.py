@@ -57,6 +57,13 @@ def test_one_kind_without_a_plural_is_not_counted():
     assert brought.summary() == "3 groups, 1 key, marks, rig" and brought.notes == ["look"]
 
 
+def test_actions_are_counted_once():
+    brought = Carried({"armature": ["Rig"]}, actions=["Walk"])
+    assert brought.summary() == "rig, 1 action"
+    brought.add(Carried(actions=["Walk", "Run"]))
+    assert brought.summary() == "rig, 2 actions"
+
+
 def test_a_transfer_that_is_stopped_changes_nothing(bodies, scene):
     source, target = bodies
     objects = set(bpy.data.objects)
