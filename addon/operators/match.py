@@ -174,8 +174,7 @@ class MatchOperator(JobOperator):
     def conclude(self, context: bpy.types.Context, job: "Job") -> Outcome:
         assert isinstance(job, MatchJob)
         if job.cancelled and not job.results:
-            self.tell({"INFO"}, "Match cancelled; nothing was changed")
-            return {"CANCELLED"}
+            return self.stopped("Match stopped; nothing was changed")
         stored, trouble = store(context, job)
         trouble += job.notes
         together = stored_match.matched_together(stored)
