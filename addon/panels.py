@@ -205,7 +205,9 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
 
     @staticmethod
     def _draw_progress(row: bpy.types.UILayout, job: job_module.Job) -> None:
-        row.progress(factor=job.fraction, text=job.words)
+        # Where the window waits there is no button to press.
+        way_out = f"  (Esc: {said('Cancel')})" if job.blocks else ""
+        row.progress(factor=job.fraction, text=job.words + way_out)
         if not job.blocks:
             row.operator("spectral_match.cancel", text="", icon="X")
 

@@ -176,6 +176,27 @@ def test_options_of_rigs_are_grey_without_one(scene):
     assert target.obj.find_armature() not in (rig, own) and "own_rig" in grey(both)
 
 
+def test_options_of_outfits_and_characters_are_grey_too(bodies, scene):
+    source, target = bodies
+    settings = scene.spectral_match
+
+    def is_grey(panel, name):
+        return dict(drawn(panel))[name]
+
+    outfit_panel, options = panels.VIEW3D_PT_spectral_match_outfit, panels.VIEW3D_PT_spectral_match_options
+    assert is_grey(outfit_panel, "outfit_body_keys") and not is_grey(outfit_panel, "outfit_hide")
+    target.shape_key_add(name="Basis")
+    assert not is_grey(outfit_panel, "outfit_body_keys")
+    # Two meshes by themselves are the same characters in any case; a mesh of several is not.
+    assert is_grey(options, "whole_characters") and not is_grey(options, "shape")
+    root = bpy.data.objects.new("Root", None)
+    bpy.context.collection.objects.link(root)
+    source.parent = new_object("Hat", *lumpy(3)).parent = root
+    for whole in (True, False):
+        settings.whole_characters = whole
+        assert not is_grey(options, "whole_characters")
+
+
 @pytest.mark.parametrize(
     ("kinds", "others", "option"),
     [
