@@ -10,7 +10,7 @@ from bipeds import Figure, walk
 from conftest import choose, lumpy, new_object
 from test_transfer import store_identity, transfer
 
-from addon import job, notice, panels, transfer_panel
+from addon import job, manual, notice, panels, transfer_panel
 from addon.operators import carry, match, outfit, step
 from addon.transfer import KINDS, Bodies, has_effect
 
@@ -224,3 +224,30 @@ def state(obj):
     places = [point.co[:] for block in (keys.key_blocks if keys else ()) for point in block.data]
     layers = [uv.vector[:] for layer in obj.data.uv_layers for uv in layer.uv]
     return np.array(weights).ravel(), np.array(places), np.array(layers), len(obj.data.vertices)
+
+
+def test_kinds_that_the_source_lacks_are_behind_one_line(bodies, scene):
+    settings = scene.spectral_match
+    for opened in (False, True):
+        settings.open_lacking = opened
+        found = [words for words, _ in drawn(transfer_panel.VIEW3D_PT_spectral_match_transfer)]
+        assert "use_keys" in found and "use_armature" not in found
+        assert ("Armature" in found) == opened
+
+
+def test_batch_shows_what_goes_before_a_first_match(scene):
+    source = new_object("Source", *lumpy(3))
+    source.vertex_groups.new(name="Bone")
+    targets = [new_object(name, *lumpy(3)) for name in ("First", "Second")]
+    choose(source, *targets)
+    found = [words for words, _ in drawn(panels.VIEW3D_PT_spectral_match_batch)]
+    assert "Match and transfer the checked data to all 2 selected targets" in " ".join(found)
+    assert "use_groups" in found and "use_keys" not in found
+
+
+def test_manual_and_reports_have_buttons_where_there_is_a_website(monkeypatch):
+    for address, count in (("https://example.org/", 2), ("", 0)):
+        monkeypatch.setattr(manual, "website", lambda address=address: address)
+        found = []
+        manual.draw_links(Layout(found))
+        assert [name for name, _ in found] == ["wm.url_open"] * count
