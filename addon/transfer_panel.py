@@ -12,6 +12,7 @@ from bpy.types import Panel
 from . import item_lists, notice, pair, remedy, stored_match, wording
 from .character import is_there
 from .drawing import MatchedSubPanel, draw_option, draw_words, fold
+from .operators import compare
 from .operators.settings import draw_presets
 from .transfer import KINDS, Bodies, has_effect, names_of
 from .translation import OWN_CONTEXT, said
@@ -50,15 +51,23 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         draw_words(context, box, done, "CHECKMARK", boxed=True)
         row = box.row(align=True)
         # What is seen is the transfer's state, or that of the step before it.
-        after = settings.transfers >= notice.transfer
+        after = compare.is_after(context)
         before = row.row(align=True)
         before.enabled = after
         before.operator(
-            "ed.undo", text="Before", text_ctxt=OWN_CONTEXT, icon="BLANK1" if after else "HIDE_OFF"
-        )
+            "spectral_match.compare",
+            text="Before",
+            text_ctxt=OWN_CONTEXT,
+            icon="BLANK1" if after else "HIDE_OFF",
+        ).back = True
         later = row.row(align=True)
         later.enabled = not after
-        later.operator("ed.redo", text="After", text_ctxt=OWN_CONTEXT, icon="HIDE_OFF" if after else "BLANK1")
+        later.operator(
+            "spectral_match.compare",
+            text="After",
+            text_ctxt=OWN_CONTEXT,
+            icon="HIDE_OFF" if after else "BLANK1",
+        ).back = False
         look, told = wording.notes_in_order(notice.words.splitlines())
         if look:
             one = said("1 thing needs a look")

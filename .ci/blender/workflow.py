@@ -360,6 +360,10 @@ def steps():
     yield from adjust(troll, lambda: not troll().data.uv_layers, "a transfer without UV maps")
     assert len(troll().vertex_groups) == 3
     assert not bpy.context.scene.spectral_match.use_uv, "the panel shows what was adjusted"
+    yield from window.press("spectral_match.compare(back=True)", 0.25)
+    yield from window.until(lambda: not troll().vertex_groups, "the target as before")
+    yield from window.press("spectral_match.compare(back=False)", 0.75)
+    yield from window.until(lambda: len(troll().vertex_groups) == 3, "the target as after")
     yield from undo(lambda: not troll().vertex_groups, "one undo to take back the transfer")
     yield from window.shot("16_undone")
     yield from redo(lambda: len(troll().vertex_groups) == 3, "redo to bring it back")

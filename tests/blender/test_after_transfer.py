@@ -12,6 +12,7 @@ from test_transfer import store_identity
 from addon import job, menus, notice, pair, palette
 from addon.mesh_read import value_of
 from addon.operators import carry as carrying
+from addon.operators import compare
 from addon.operators.carry import ADJUSTED, carry
 from addon.transfer import Carried, said_once
 from addon.translation_table import TABLE
@@ -113,6 +114,33 @@ def test_a_transfer_is_repeated_with_what_was_adjusted(bodies, scene):
     bpy.ops.screen.repeat_last()
     assert not target.data.uv_layers and len(target.vertex_groups) == len(GROUPS)
     assert scene.spectral_match.use_uv
+
+
+def test_before_and_after_are_one_press_each(bodies, scene):
+    """Whatever was done since the transfer; what was done comes back with it."""
+
+    def groups_and_place():
+        target = bpy.data.objects["Target"]
+        return len(target.vertex_groups), target.location.x
+
+    bpy.ops.ed.undo_push(message="Begin")
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="Transfer")
+    for place in (0.0, 1.0, 2.0):
+        bpy.data.objects["Target"].location.x = place
+        bpy.ops.ed.undo_push(message="Move")
+        for _ in range(2):
+            bpy.ops.spectral_match.compare(back=True)
+            assert groups_and_place() == (0, 0.0) and not compare.is_after(bpy.context)
+            bpy.ops.spectral_match.compare(back=False)
+            assert groups_and_place() == (len(GROUPS), place) and compare.is_after(bpy.context)
+    # A step that was undone by itself is redone to just after the transfer.
+    for _ in range(4):
+        bpy.ops.ed.undo()
+    assert not compare.is_after(bpy.context)
+    bpy.ops.spectral_match.compare(back=False)
+    assert groups_and_place() == (len(GROUPS), 0.0)
+    assert notice.done is not None
 
 
 def test_all_and_none_mean_what_the_search_finds(bodies, scene):
