@@ -69,7 +69,7 @@ def _of_many(
         yield (number + share) / many, words
 
 
-def _summary(brought: Carried, meshes: Sequence[int]) -> str:
+def done_words(brought: Carried, meshes: Sequence[int]) -> str:
     """Words such as "Done: 41 groups, rig", and to how many targets, of so many meshes each, if several."""
     what = brought.summary() or said("nothing to carry")
     if len(meshes) == 1:
@@ -148,7 +148,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
     def conclude(self, context: bpy.types.Context, job: Job) -> Outcome:
         if not self._done:
             return self.stopped("Transfer stopped; nothing was changed")
-        done = partial(_summary, self._brought, [len(pieces) for pieces in self._done])
+        done = partial(done_words, self._brought, [len(pieces) for pieces in self._done])
         show.show_after_transfer(context, [obj for pieces in self._done for obj in pieces], self._brought)
         self.tell({"INFO"}, ("Stopped.\n" if job.cancelling else "") + done())
         self._offer(context.scene.spectral_match)
