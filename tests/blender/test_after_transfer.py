@@ -13,7 +13,7 @@ from addon import job, menus, notice, pair, palette
 from addon.mesh_read import value_of
 from addon.operators import carry as carrying
 from addon.operators import compare
-from addon.operators.carry import ADJUSTED, carry
+from addon.operators.carry import ADJUSTED, carry, done_words
 from addon.transfer import Carried, said_once
 from addon.translation_table import TABLE
 
@@ -56,6 +56,13 @@ def test_one_kind_without_a_plural_is_not_counted():
     brought = Carried({"armature": ["Rig"], "keys": ["A"], "groups": ["A", "B"]})
     brought.add(Carried({"groups": ["B", "C"], "marks": ["Seams"]}, ["look"]))
     assert brought.summary() == "3 groups, 1 key, marks, rig" and brought.notes == ["look"]
+
+
+def test_several_targets_are_counted():
+    brought = Carried({"groups": ["A"]})
+    assert done_words(brought, [1]) == "Done: 1 group"
+    assert done_words(brought, [1, 1]) == "Done to 2 meshes: 1 group"
+    assert done_words(brought, [4, 1]) == "Done to 2 characters: 1 group"
 
 
 def test_actions_are_counted_once():
