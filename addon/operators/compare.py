@@ -2,6 +2,7 @@
 """Before and After: the target without what the last transfer brought, and with it again."""
 
 from functools import partial
+from typing import Any
 
 import bpy
 from bpy.props import BoolProperty
@@ -19,6 +20,11 @@ def is_after(context: bpy.types.Context) -> bool:
     return context.scene.spectral_match.transfers >= notice.transfer
 
 
+def _done(operator: Any) -> bool:
+    """Run an operator, if it can be run now; whether it did something."""
+    return operator.poll() and operator() == {"FINISHED"}
+
+
 def step_through(back: bool) -> None:
     """Undo to before the last transfer, or redo all that was undone so.
 
@@ -29,10 +35,12 @@ def step_through(back: bool) -> None:
     with bpy.context.temp_override(window=bpy.context.window_manager.windows[0]):
         if back:
             _taken = 0
-            while is_after(bpy.context) and bpy.ops.ed.undo() == {"FINISHED"}:
+            while is_after(bpy.context) and _done(bpy.ops.ed.undo):
                 _taken += 1
-            return
-        while (_taken > 0 or not is_after(bpy.context)) and bpy.ops.ed.redo() == {"FINISHED"}:
+            if not is_after(bpy.context):
+                return
+            # Blender does not remember that far back: all stays as it is.
+        while (_taken > 0 or not is_after(bpy.context)) and _done(bpy.ops.ed.redo):
             _taken -= 1
         _taken = 0
 

@@ -150,6 +150,18 @@ def test_before_and_after_are_one_press_each(bodies, scene):
     assert notice.done is not None
 
 
+def test_a_transfer_too_long_ago_for_undo_stays(bodies, monkeypatch):
+    edit = bpy.context.preferences.edit
+    monkeypatch.setattr(edit, "undo_steps", 4)
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    for place in range(8):
+        bpy.data.objects["Target"].location.x = place
+        bpy.ops.ed.undo_push(message="Move")
+    bpy.ops.spectral_match.compare(back=True)
+    target = bpy.data.objects["Target"]
+    assert (len(target.vertex_groups), target.location.x) == (len(GROUPS), 7.0)
+
+
 def test_all_and_none_mean_what_the_search_finds(bodies, scene):
     settings = scene.spectral_match
     settings.item_search = "bone 1"
