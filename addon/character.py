@@ -6,6 +6,8 @@ A character is an armature with all its meshes, the meshes below an empty, those
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeGuard
@@ -27,6 +29,27 @@ HELD_SHARE = 0.1
 SET_TYPES = {"CAMERA", "LIGHT", "LIGHT_PROBE", "SPEAKER"}
 # Whether an object takes part in its character's matches.
 AUTOMATIC, TAKEN, LEFT_OUT = "AUTOMATIC", "TAKEN", "LEFT_OUT"
+# What importers and Blender call that which holds a character together, where nobody named it.
+NO_NAMES = frozenset("armature rig metarig characterarmature root rootnode skeleton empty collection".split())
+
+
+def _parted(name: str) -> tuple[str, str]:
+    """A name, and the number that Blender adds where another object has it, as ".001"."""
+    stem = re.sub(r"\.\d+$", "", name)
+    return stem, name[len(stem) :]
+
+
+def shared_name(objects: Sequence[bpy.types.Object]) -> str:
+    """The words with which the names of all these objects begin, as "Knight" for "Knight_Body" and
+    "Knight_Head", or "".
+    """
+    stems, numbers = zip(*(_parted(obj.name) for obj in objects), strict=True)
+    words = os.path.commonprefix([re.split(r"([ _.:-]+)", stem) for stem in stems])
+    begin = "".join(words).strip(" _.:-")
+    if not begin or len(set(stems)) == 1:
+        return ""
+    # What was imported twice has the same number at each of its names.
+    return begin + numbers[0] if len(set(numbers)) == 1 else begin
 
 
 @dataclass(frozen=True)
@@ -53,7 +76,10 @@ class Character:
 
     @property
     def name(self) -> str:
-        return self.lead.name if len(self.whole) == 1 else self.owner.name
+        if len(self.whole) == 1:
+            return self.lead.name
+        named = _parted(self.owner.name)[0].lower() not in NO_NAMES
+        return self.owner.name if named else shared_name(self.pieces) or self.owner.name
 
     @property
     def label(self) -> str:

@@ -64,9 +64,15 @@ def draw_words(
         )
 
 
-def draw_option(layout: bpy.types.UILayout, settings: Settings, name: str, **how: Any) -> None:
-    """A setting, its label in the left half; a check box has all of the row, not the right half alone."""
+def draw_option(
+    layout: bpy.types.UILayout, settings: Settings, name: str, *, works: bool = True, **how: Any
+) -> None:
+    """A setting, its label in the left half; a check box has all of the row, not the right half alone.
+
+    One that changes nothing now is grey.
+    """
     row = layout.row()
+    row.active = works
     if settings.bl_rna.properties[name].type == "BOOLEAN":
         row.use_property_split = False
     row.prop(settings, name, **how)

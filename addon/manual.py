@@ -24,7 +24,7 @@ PAGES = {
         "remove_outdated",
         "go_to_landmark",
     ),
-    "transfer": ("transfer", "toggle_item", "choose_items"),
+    "transfer": ("transfer", "compare", "toggle_item", "choose_items"),
     "outfit": ("fit_outfit", "toggle_worn", "closer_look"),
     "batch": ("batch",),
     "preferences": ("clear_cache",),

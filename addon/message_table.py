@@ -267,11 +267,15 @@ MESSAGES = (
         "已取消;映射与之前相同",
     ),
     (
-        "Match cancelled; nothing was changed",
-        "マッチをキャンセルしました。変更はありません",
-        "匹配已取消;未作任何更改",
+        "Match stopped; nothing was changed",
+        "マッチを停止しました。変更はありません",
+        "匹配已停止;未作任何更改",
     ),
-    ("Cancelled; nothing was changed", "キャンセルしました。変更はありません", "已取消;未作任何更改"),
+    (
+        "Fitting stopped; nothing was changed",
+        "フィットを停止しました。変更はありません",
+        "适配已停止;未作任何更改",
+    ),
     ("Stopped.", "停止しました。", "已停止。"),
     ("Matched {} in {} s: {}", "{} をマッチしました({} 秒): {}", "已匹配 {},用时 {} 秒:{}"),
     (

@@ -6,17 +6,20 @@ from collections.abc import Callable, Iterable
 import bpy
 from bpy.app.handlers import persistent
 
-# A failure or warnings, a line each.
+from .typed import EnumItem
+
+# A failure, warnings or that something was stopped, a line each, and what stands before them.
 words = ""
+icon: EnumItem = "ERROR"
 # Says what a transfer brought, in the language that the interface has when it is asked; `words` is then what
 # needs a look. And which of the scene's transfers it was.
 done: Callable[[], str] | None = None
 transfer = 0
 
 
-def say(text: str) -> None:
-    global words
-    words = text
+def say(text: str, sign: EnumItem = "ERROR") -> None:
+    global words, icon
+    words, icon = text, sign
 
 
 def finish(context: bpy.types.Context, summary: Callable[[], str], notes: Iterable[str]) -> None:

@@ -10,8 +10,8 @@ import bpy
 from bl_ui.utils import PresetPanel
 from bpy.types import Panel
 
-from . import job as job_module
 from . import (
+    character,
     landmarks,
     manual,
     morph,
@@ -24,12 +24,14 @@ from . import (
     transfer_panel,
     wording,
 )
+from . import job as job_module
 from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_option, draw_words, fold
 from .lines import Lines
 from .operators import pick, show
 from .operators.outfit import wearer_of
 from .operators.settings import PRESETS, draw_presets, path_menu
 from .outfit import live, wardrobe
+from .transfer import Bodies
 from .translation import OWN_CONTEXT, said
 from .typed import EnumItem, Settings, StoredMatch
 
@@ -37,6 +39,11 @@ if TYPE_CHECKING:
     from .character import Character
 
 GRADE_ICONS: dict[str, EnumItem] = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
+# The buttons of the two steps, and whether the window waits for what they do.
+BUTTONS: tuple[tuple[str, EnumItem, bool], ...] = (
+    ("spectral_match.match", "MOD_DATA_TRANSFER", False),
+    ("spectral_match.transfer", "IMPORT", True),
+)
 SWAPPED = "Left and right are swapped, as you asked"
 # What to do about it, by grade.
 ADVICE = {
@@ -65,6 +72,12 @@ def _leaves_white(found: pair.Pair) -> bool:
     return any(
         obj.visible_get() and not obj.data.color_attributes for body in bodies for obj in body.left_out
     )
+
+
+def has_several(body: Character) -> bool:
+    """Whether what a chosen body belongs to has several meshes, also where it stands by itself."""
+    whole = character.of(body.lead) or body
+    return max(len(body.whole), len(whole.whole)) > 1
 
 
 def icon_of(body: Character) -> EnumItem:
@@ -114,20 +127,22 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         settings = context.scene.spectral_match
         found = pair.shown(context)
         self._draw_pair(layout, settings, found)
-        job = job_module.current
-        if job is None:
-            row = layout.row()
+        # Both above all whose height changes, so that they stay under the pointer.
+        job, buttons = job_module.current, layout.column()
+        for operator, icon, blocks in BUTTONS:
+            row = buttons.row(align=True)
             row.scale_y = BIG
-            row.operator("spectral_match.match", icon="MOD_DATA_TRANSFER")
-        else:
-            self._draw_progress(layout, job)
+            if job is not None and job.blocks == blocks:
+                self._draw_progress(row, job)
+            else:
+                row.operator(operator, icon=icon)
         self._draw_landmarks(layout, settings, found)
         if notice.words and not notice.done:
             box = layout.box()
             row = box.row()
             words = row.column()
             for line in notice.words.splitlines():
-                draw_words(context, words, line, "ERROR", boxed=True, beside=CROSS_WIDTH)
+                draw_words(context, words, line, notice.icon, boxed=True, beside=CROSS_WIDTH)
             row.operator("spectral_match.dismiss", text="", icon="X", emboss=False)
             remedy.draw(box, notice.words)
         elif found.missing:
@@ -189,11 +204,10 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             hint.label(text=words, icon="EMPTY_AXIS")
 
     @staticmethod
-    def _draw_progress(layout: bpy.types.UILayout, job: job_module.Job) -> None:
-        # As high as the button that it stands for, so that what is below stays where it is.
-        row = layout.row(align=True)
-        row.scale_y = BIG
-        row.progress(factor=job.fraction, text=job.words)
+    def _draw_progress(row: bpy.types.UILayout, job: job_module.Job) -> None:
+        # Where the window waits there is no button to press.
+        way_out = f"  (Esc: {said('Cancel')})" if job.blocks else ""
+        row.progress(factor=job.fraction, text=job.words + way_out)
         if not job.blocks:
             row.operator("spectral_match.cancel", text="", icon="X")
 
@@ -296,7 +310,10 @@ class VIEW3D_PT_spectral_match_options(SubPanel, Panel):
         layout.use_property_split = True
         layout.use_property_decorate = False
         settings = context.scene.spectral_match
-        for name in ("whole_characters", "shape", "part", "allow_mirror", "same_axes"):
+        found = pair.shown(context)
+        bodies = [body for body in (found.source, *found.targets) if body is not None]
+        draw_option(layout, settings, "whole_characters", works=not bodies or any(map(has_several, bodies)))
+        for name in ("shape", "part", "allow_mirror", "same_axes"):
             draw_option(layout, settings, name)
 
 
@@ -373,11 +390,9 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         if stored.swapped_sides:
             draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
         settings = context.scene.spectral_match
-        # After a transfer what came of it has the room.
-        if not notice.done or settings.open_details:
-            for reason in wording.plain(reasons):
-                draw_words(context, box, reason, "DOT", boxed=True)
-            remedy.draw(box, "\n".join(reasons))
+        for reason in wording.plain(reasons):
+            draw_words(context, box, reason, "DOT", boxed=True)
+        remedy.draw(box, "\n".join(reasons))
         if now.words:
             draw_words(context, box, now.words, "INFO", boxed=True)
             remedy.draw(box, now.words)
@@ -516,7 +531,8 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         column.use_property_decorate = False
         column.prop(settings, "outfit_distance")
         column.prop(settings, "outfit_tightness", slider=True)
-        draw_option(column, settings, "outfit_body_keys")
+        keyed = any(piece.data.shape_keys for target in found.targets for piece in target.whole)
+        draw_option(column, settings, "outfit_body_keys", works=keyed)
         draw_option(column, settings, "outfit_hide")
         row = layout.row()
         row.scale_y = BIG
@@ -577,7 +593,8 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
         if source is not None and count and not pair.matched(context):
             # After a match the panel Transfer shows it.
             draw_presets(layout)
-            transfer_panel.draw_kinds(layout, context.scene.spectral_match, source.pieces)
+            targets = [piece for target in pair.shown(context).targets for piece in target.pieces]
+            transfer_panel.draw_kinds(layout, context.scene.spectral_match, Bodies(source.pieces, targets))
 
 
 CLASSES = (

@@ -20,6 +20,11 @@ TOOLTIPS = (
     ),
     ("Hide this message", "このメッセージを隠します", "隐藏此消息"),
     (
+        "Show the target as it was before the transfer, or with all that came and was done since",
+        "転送前の転送先、または転送されたものとその後の変更を含む転送先を表示します",
+        "显示传递之前的目标,或带有传递内容与此后更改的目标",
+    ),
+    (
         "Exchange source and target: the other mesh gives the data",
         "転送元と転送先を交換し、もう一方のメッシュからデータを転送します",
         "交换来源与目标:由另一网格提供数据",

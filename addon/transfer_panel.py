@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The panel Transfer: the button, what it brought, and what goes."""
+"""The panel Transfer: what it brought, and what goes."""
 
 from __future__ import annotations
 
@@ -11,9 +11,10 @@ from bpy.types import Panel
 
 from . import item_lists, notice, pair, remedy, stored_match, wording
 from .character import is_there
-from .drawing import BIG, MatchedSubPanel, draw_option, draw_words, fold
+from .drawing import MatchedSubPanel, draw_option, draw_words, fold
+from .operators import compare
 from .operators.settings import draw_presets
-from .transfer import KINDS, names_of
+from .transfer import KINDS, Bodies, has_effect, names_of
 from .translation import OWN_CONTEXT, said
 from .typed import EnumItem, Settings
 
@@ -38,13 +39,10 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
             draw_words(context, layout, elsewhere[0], "ERROR")
             remedy.draw(layout, elsewhere[0])
             return
-        row = layout.row()
-        row.scale_y = BIG
-        row.operator("spectral_match.transfer", icon="IMPORT")
         if notice.done is not None:
             self._draw_done(context, layout.box().column(), settings, notice.done())
         draw_presets(layout)
-        draw_kinds(layout, settings, sources)
+        draw_kinds(layout, settings, Bodies(sources, matched))
 
     @staticmethod
     def _draw_done(
@@ -53,15 +51,23 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         draw_words(context, box, done, "CHECKMARK", boxed=True)
         row = box.row(align=True)
         # What is seen is the transfer's state, or that of the step before it.
-        after = settings.transfers >= notice.transfer
+        after = compare.is_after(context)
         before = row.row(align=True)
         before.enabled = after
         before.operator(
-            "ed.undo", text="Before", text_ctxt=OWN_CONTEXT, icon="BLANK1" if after else "HIDE_OFF"
-        )
+            "spectral_match.compare",
+            text="Before",
+            text_ctxt=OWN_CONTEXT,
+            icon="BLANK1" if after else "HIDE_OFF",
+        ).back = True
         later = row.row(align=True)
         later.enabled = not after
-        later.operator("ed.redo", text="After", text_ctxt=OWN_CONTEXT, icon="HIDE_OFF" if after else "BLANK1")
+        later.operator(
+            "spectral_match.compare",
+            text="After",
+            text_ctxt=OWN_CONTEXT,
+            icon="HIDE_OFF" if after else "BLANK1",
+        ).back = False
         look, told = wording.notes_in_order(notice.words.splitlines())
         if look:
             one = said("1 thing needs a look")
@@ -88,13 +94,13 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
             remedy.draw(box, note)
 
 
-def draw_kinds(layout: bpy.types.UILayout, settings: Settings, sources: Sequence[bpy.types.Object]) -> None:
-    """What these meshes of a source have, kind by kind, and behind one line what they lack."""
-    listed = [(kind, names_of(kind, sources)) for kind in KINDS]
+def draw_kinds(layout: bpy.types.UILayout, settings: Settings, bodies: Bodies) -> None:
+    """What the source has, kind by kind, and behind one line what it lacks."""
+    listed = [(kind, names_of(kind, bodies.sources)) for kind in KINDS]
     column = layout.column(align=True)
     for kind, names in listed:
         if names:
-            _draw_kind(column, settings, kind, names)
+            _draw_kind(column, settings, kind, names, bodies)
     lacking = [kind for kind, names in listed if not names]
     if lacking:
         fold(layout, settings, "open_lacking", said("{} more that the source lacks", len(lacking)))
@@ -104,7 +110,9 @@ def draw_kinds(layout: bpy.types.UILayout, settings: Settings, sources: Sequence
             line.label(text=kind.label, icon=kind.icon)
 
 
-def _draw_kind(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequence[str]) -> None:
+def _draw_kind(
+    layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequence[str], bodies: Bodies
+) -> None:
     use, opened = f"use_{kind.identifier}", f"open_{kind.identifier}"
     row = layout.row(align=True)
     icon: EnumItem = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
@@ -124,7 +132,7 @@ def _draw_kind(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names
         options.use_property_split = True
         options.use_property_decorate = False
         for name in kind.shown:
-            draw_option(options, settings, name)
+            draw_option(options, settings, name, works=has_effect(name, settings, bodies))
     item_lists.draw(box.column(align=True), settings, kind, names)
 
 

@@ -40,6 +40,8 @@ def spoken(text: str, locale: str | None = None) -> str:
     They are composed where something happens, in the core as well, and kept in English; of each the row of
     the table is found that has its words.
     """
+    if not (locale or bpy.context.preferences.view.use_translate_interface):
+        return text
     language: str = locale or bpy.app.translations.locale
     return "\n".join(_spoken(line, language) for line in text.splitlines())
 

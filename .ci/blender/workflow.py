@@ -259,6 +259,7 @@ def steps():
     yield from idle("the end of the cancelled match")
     yield from window.shot("03_cancelled")
     assert "match_face" not in troll().data.attributes, "cancelled, and yet written"
+    assert addon("notice").words == "Match stopped; nothing was changed"
 
     yield from window.press("spectral_match.match(")
     yield from idle("the match")
@@ -348,17 +349,21 @@ def steps():
     yield from window.press("spectral_match.remove_landmark", 0.9)
     settings = bpy.context.scene.spectral_match
     yield from window.until(lambda: len(settings.landmarks) == 1, "the removal")
-    yield from window.open_panel("spectral_match.lines", "spectral_match.transfer()")
-
     yield from lists()
+    place = yield from window.find("spectral_match.transfer()")
     yield from window.press("spectral_match.transfer()")
     yield from window.until(lambda: len(troll().vertex_groups) == 3, "the transfer")
     assert len(troll().data.uv_layers) == 1
     yield from idle("the end of the transfer")
     yield from window.shot("15_transferred")
+    assert place == (yield from window.find("spectral_match.transfer()")), "Transfer stays under the pointer"
     yield from adjust(troll, lambda: not troll().data.uv_layers, "a transfer without UV maps")
     assert len(troll().vertex_groups) == 3
     assert not bpy.context.scene.spectral_match.use_uv, "the panel shows what was adjusted"
+    yield from window.press("spectral_match.compare(back=True)", 0.25)
+    yield from window.until(lambda: not troll().vertex_groups, "the target as before")
+    yield from window.press("spectral_match.compare(back=False)", 0.75)
+    yield from window.until(lambda: len(troll().vertex_groups) == 3, "the target as after")
     yield from undo(lambda: not troll().vertex_groups, "one undo to take back the transfer")
     yield from window.shot("16_undone")
     yield from redo(lambda: len(troll().vertex_groups) == 3, "redo to bring it back")
@@ -393,7 +398,7 @@ def steps():
     ogre.data.update()
     choose(hero, third, character("Imp", (5.0, 0, 0), -0.1, 1.1, 1.8))
     # Below Match Options; a click beneath all panels would go to the viewport.
-    yield from window.open_panel("spectral_match.match(", "spectral_match.batch", distances=(62,))
+    yield from window.open_panel("spectral_match.transfer()", "spectral_match.batch", distances=(62,))
     yield from window.shot("19_batch")
     yield from window.press("spectral_match.batch")
     yield from idle("the batch", 240.0)

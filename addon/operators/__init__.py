@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The operators, a file for each step of the workflow."""
 
-from . import carry, fix, match, outfit, partner, pick, pieces, remedies, settings, show
+from . import carry, compare, fix, match, outfit, partner, pick, pieces, remedies, settings, show
 
 CLASSES = (
     *match.CLASSES,
@@ -10,6 +10,7 @@ CLASSES = (
     *pick.CLASSES,
     *partner.CLASSES,
     *carry.CLASSES,
+    *compare.CLASSES,
     *outfit.CLASSES,
     *show.CLASSES,
     *remedies.CLASSES,

@@ -13,7 +13,7 @@ from bpy.types import Operator
 from .. import character, core, mesh_read, mesh_write, notice, pair, stored_match
 from ..job import Job
 from ..mesh_read import UnusableObjectError
-from ..transfer import KINDS, Carried, TransferAdjustments, carry_all, checked, names_of
+from ..transfer import KINDS, Carried, TransferAdjustments, carry_all, checked, has_effect, names_of
 from ..translation import said
 from ..typed import Chosen, Options, Outcome, Settings
 from . import show
@@ -69,7 +69,7 @@ def _of_many(
         yield (number + share) / many, words
 
 
-def _summary(brought: Carried, meshes: Sequence[int]) -> str:
+def done_words(brought: Carried, meshes: Sequence[int]) -> str:
     """Words such as "Done: 41 groups, rig", and to how many targets, of so many meshes each, if several."""
     what = brought.summary() or said("nothing to carry")
     if len(meshes) == 1:
@@ -147,9 +147,8 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
 
     def conclude(self, context: bpy.types.Context, job: Job) -> Outcome:
         if not self._done:
-            self.tell({"INFO"}, "Transfer stopped; nothing was changed")
-            return {"CANCELLED"}
-        done = partial(_summary, self._brought, [len(pieces) for pieces in self._done])
+            return self.stopped("Transfer stopped; nothing was changed")
+        done = partial(done_words, self._brought, [len(pieces) for pieces in self._done])
         show.show_after_transfer(context, [obj for pieces in self._done for obj in pieces], self._brought)
         self.tell({"INFO"}, ("Stopped.\n" if job.cancelling else "") + done())
         self._offer(context.scene.spectral_match)
@@ -172,7 +171,9 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
             options = column.column(align=True)
             options.use_property_split = True
             for name in kind.options if getattr(self, use) else ():
-                options.prop(self, name)
+                row = options.row()
+                row.active = has_effect(name, self, None)
+                row.prop(self, name)
 
     def _offer(self, settings: "Settings") -> None:
         """Have Adjust Last Operation begin with what was done."""

@@ -3,6 +3,7 @@
 
 from collections.abc import Generator, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING
 
 import bpy
@@ -29,10 +30,9 @@ from ..character import Character
 from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
 from ..transfer import Carried, checked, others
-from ..translation import said
 from ..typed import Outcome
 from . import show
-from .carry import carry
+from .carry import carry, done_words
 from .running import JobOperator, redraw_sidebars
 from .step import Step, needs_pair, nothing
 
@@ -174,17 +174,17 @@ class MatchOperator(JobOperator):
     def conclude(self, context: bpy.types.Context, job: "Job") -> Outcome:
         assert isinstance(job, MatchJob)
         if job.cancelled and not job.results:
-            self.tell({"INFO"}, "Match cancelled; nothing was changed")
-            return {"CANCELLED"}
+            return self.stopped("Match stopped; nothing was changed")
         stored, trouble = store(context, job)
         trouble += job.notes
         together = stored_match.matched_together(stored)
-        brought = Carried()
+        brought, many = Carried(), []
         if self.then_transfer:
             settings = context.scene.spectral_match
             for pieces in together:
                 try:
                     brought.add(value_of(carry(context, None, pieces, settings, checked(settings))))
+                    many.append(len(pieces))
                 except (UnusableObjectError, core.CoreMissingError) as reason:
                     trouble.append(str(reason))
             trouble += brought.notes
@@ -192,7 +192,7 @@ class MatchOperator(JobOperator):
             return self.fail("\n".join(trouble))
         if brought.names:
             show.show_after_transfer(context, stored, brought)
-            notice.finish(context, lambda: said("Done: {}", brought.summary()), trouble)
+            notice.finish(context, partial(done_words, brought, many), trouble)
         else:
             show.show_after_match(context, stored)
             self.warn(trouble)

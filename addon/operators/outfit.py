@@ -126,8 +126,7 @@ class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
 
     def conclude(self, context: bpy.types.Context, job: "Job") -> Outcome:
         if job.cancelled:
-            self.tell({"INFO"}, "Cancelled; nothing was changed")
-            return {"CANCELLED"}
+            return self.stopped("Fitting stopped; nothing was changed")
         assert isinstance(job, fitting.OutfitJob)
         made, trouble = store_fitted(context, job, self._wearer)
         if not made:

@@ -84,6 +84,12 @@ class Step:
         """Report messages, a line each, in the language of the interface."""
         self.report(kinds, " ".join(spoken(words).splitlines()))
 
+    def stopped(self, words: str) -> Outcome:
+        """Say that the artist stopped it, where it was pressed too: the status bar forgets soon."""
+        self.tell({"INFO"}, words)
+        notice.say(words, "INFO")
+        return {"CANCELLED"}
+
     def fail(self, words: str) -> Outcome:
         # An error opens a pop-up, which the panel beside it would repeat.
         once = self.pressed and drawing.is_open(bpy.context)

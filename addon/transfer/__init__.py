@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Generator, Iterable, Sequence
+from collections.abc import Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,9 +14,11 @@ from bpy.props import BoolProperty
 
 from .. import completion, mesh_read, stored_match
 from ..mesh_read import UnusableObjectError
+from ..translation import said
 from ..typed import Chosen, Options
 from . import (
     armatures,
+    attachment,
     attributes,
     colours,
     companions,
@@ -33,13 +35,15 @@ from . import (
     uv_maps,
     vertex_groups,
 )
-from .kind import Kind, Prepared
+from .actions import actions_from
+from .kind import Bodies, Kind, Prepared
 from .redirect import redirect
 from .route import FigureRoute, Route
 from .weights import rigs
 
 __all__ = [
     "KINDS",
+    "Bodies",
     "Carried",
     "Kind",
     "Prepared",
@@ -48,6 +52,7 @@ __all__ = [
     "TransferOptions",
     "carry_all",
     "checked",
+    "has_effect",
     "names_of",
     "others",
 ]
@@ -146,23 +151,36 @@ def names_of(kind: Kind, sources: Sequence[bpy.types.Object]) -> list[str]:
     return list(dict.fromkeys(name for source in sources for name in kind.names(source)))
 
 
+def has_effect(name: str, options: Options, bodies: Bodies | None) -> bool:
+    """Whether an option of a kind changes anything as the others are set, between these bodies if known."""
+    return all(kind.effects[name](options, bodies) for kind in KINDS if name in kind.effects)
+
+
 @dataclass
 class Carried:
-    """What a transfer brought: names by the identifier of their kind, and words for the artist."""
+    """What a transfer brought: names by the identifier of their kind, words for the artist, and the names of
+    actions that came with rigs, keys and objects.
+    """
 
     names: dict[str, list[str]] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
+    actions: list[str] = field(default_factory=list)
 
     def add(self, other: Carried) -> None:
         """Count what another transfer brought too; a name counts once."""
         for kind, names in other.names.items():
             self.names[kind] = list(dict.fromkeys([*self.names.get(kind, ()), *names]))
         self.notes += other.notes
+        self.actions = list(dict.fromkeys([*self.actions, *other.actions]))
 
     def summary(self) -> str:
-        """Words such as "41 groups, 1 UV map, rig", in the order of the panel."""
+        """Words such as "41 groups, 1 UV map, rig, 1 action", in the order of the panel."""
         found = [(kind, len(self.names.get(kind.identifier, ()))) for kind in KINDS]
-        return ", ".join(kind.counted(count) for kind, count in found if count)
+        words = [kind.counted(count) for kind, count in found if count]
+        if self.actions:
+            many = len(self.actions)
+            words.append(said("{} action", many) if many == 1 else said("{} actions", many))
+        return ", ".join(words)
 
 
 def carry_all(
@@ -182,7 +200,7 @@ def carry_all(
     sources = [obj for obj, _, _ in stored_match.sources_of(targets[0])]
     mesh_read.place(bpy.context, _standing(sources, targets))
     with joined.seen(sources, name, targets) as view, ExitStack() as splits:
-        routes, said, brought = [], list(view.notes), Carried()
+        routes, told, brought = [], list(view.notes), Carried()
         for target in targets:
             route = Route(target, view)
             route.wanted = _wanted(route, chosen)
@@ -194,13 +212,13 @@ def carry_all(
                 unwrapping.unwrapped(route, route.wanted[textures.KIND.identifier], options)
             )
             routes.append(route)
-            said += ((target, note) for note in words)
+            told += ((target, note) for note in words)
         figure = routes[0]
         if len(routes) > 1:
             figure = FigureRoute(targets, view)
             figure.wanted, figure.sides = routes[0].wanted, routes[0].sides
             figure.uv_names = routes[0].uv_names
-        said += yield from _prepare(routes, figure, options, brought)
+        told += yield from _prepare(routes, figure, options, brought)
         yield 1.0, "Writing"
         ways = list(dict.fromkeys([*routes, figure]))
         for way in ways:
@@ -208,20 +226,43 @@ def carry_all(
                 part.write()
         if any(figure.wanted[kind.identifier] for kind in (shape_keys.KIND, *OF_FIGURES)):
             redirect(figure, routes)
+        animated = list(_animated(figure, routes, brought))
+        brought.actions = list(
+            dict.fromkeys(name for given, own in animated for name in actions_from(given, own))
+        )
         for target in targets:
             target.data.update()
-        said += ((figure.target, note) for note in _halves(figure))
-        said += ((way.target, note) for way in ways for part in way.prepared for note in part.notes)
-        brought.notes = said_once(said)
+        told += ((figure.target, note) for note in _halves(figure))
+        told += ((way.target, note) for way in ways for part in way.prepared for note in part.notes)
+        brought.notes = said_once(told)
         return brought
 
 
-def said_once(said: Iterable[tuple[bpy.types.Object, str]]) -> list[str]:
+def _animated(
+    figure: Route, routes: Sequence[Route], brought: Carried
+) -> Iterator[tuple[bpy.types.ID, bpy.types.ID]]:
+    """What of the source may be animated, and what was made from it on the target."""
+    for rig in rigs(figure.source):
+        own = armatures.fitted_rig(figure.target, rig)
+        if own is not None and rig.name in brought.names.get(armatures.KIND.identifier, ()):
+            yield rig, own
+    for companion in companions.hanging(figure.source):
+        copy = attachment.copy_of(figure.target, companion)
+        if copy is not None and companion.name in brought.names.get(companions.KIND.identifier, ()):
+            yield companion, copy
+    if shape_keys.KIND.identifier in brought.names:
+        for route in routes:
+            for keys in (piece.data.shape_keys for piece in route.view.pieces):
+                if keys is not None and route.target.data.shape_keys is not None:
+                    yield keys, route.target.data.shape_keys
+
+
+def said_once(pairs: Iterable[tuple[bpy.types.Object, str]]) -> list[str]:
     """Words about meshes, in pairs (mesh, words): what is the same of several, but for its figures, is said
     once, of the one with the largest figures and how many more there are.
     """
     told: dict[str, list[tuple[tuple[float, ...], str, str]]] = {}
-    for obj, words in said:
+    for obj, words in pairs:
         words = words.replace(f"'{obj.name}'", "\0")
         figures = tuple(map(float, FIGURE.findall(words)))
         told.setdefault(FIGURE.sub("", words), []).append((figures, obj.name, words))

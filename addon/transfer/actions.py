@@ -37,6 +37,13 @@ def actions_of(holder: bpy.types.ID) -> list[bpy.types.Action]:
     return list(dict.fromkeys(user.action for user in action_users(holder) if user.action is not None))
 
 
+def actions_from(given: bpy.types.ID, own: bpy.types.ID) -> list[str]:
+    """Names of the actions of an ID that another one has too, as they are or as copies."""
+    held = actions_of(own)
+    there = {*held, *(action.get(ORIGINAL) for action in held)}
+    return [action.name for action in actions_of(given) if action in there]
+
+
 def own_actions(holder: bpy.types.ID, actions: Iterable[bpy.types.Action]) -> list[bpy.types.Action]:
     """Exchange these actions of an ID for copies; returns the copies."""
     made = {action: copied(action) for action in actions}

@@ -240,7 +240,7 @@ def _own_rig(
         return before, False
     own = object_copy(rig, target)
     # The target's name first: panels that are narrow show the beginning, and name the character by its rig.
-    own.name = f"{replaced[0].name if replaced else character.of(target).name} {rig.name}"
+    own.name = f"{character.of(target).name} {rig.name}"
     own.data = copied(rig.data)
     own.data.name = own.name
     own.parent = None
@@ -380,4 +380,9 @@ KIND = Kind(
     },
     words=("rig",),
     borrowed=("own_rig",),
+    effects={
+        "fit_animation": lambda _, bodies: (
+            bodies is None or any(actions_of(rig) for source in bodies.sources for rig in rigs(source))
+        ),
+    },
 )

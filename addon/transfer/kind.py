@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import bpy
 
@@ -40,6 +40,18 @@ def shading(target: bpy.types.Object, shade: Callable[[bpy.types.Mesh], None]) -
     return Prepared(partial(shade, target.data), shade=shade)
 
 
+class Bodies(NamedTuple):
+    """The meshes of a source and those of its targets."""
+
+    sources: Sequence[bpy.types.Object]
+    targets: Sequence[bpy.types.Object]
+
+
+# Whether an option changes anything as the others are set; between which bodies is unknown in Adjust Last
+# Operation, which begins with those of before the transfer.
+Effect = Callable[[Options, Bodies | None], bool]
+
+
 @dataclass(frozen=True)
 class Kind:
     """One sort of data.
@@ -48,7 +60,8 @@ class Kind:
     source object has of it. `prepare(route, names, options)` reads that, carries it along the route and
     returns a `Prepared`; it changes nothing and raises `UnusableObjectError` when something is wrong.
     `options` are its bpy properties by name, in the order in which a panel shows them; `borrowed` names some
-    of other kinds that concern this one too, which a panel shows before them.
+    of other kinds that concern this one too, which a panel shows before them. `effects` tell of options that
+    change nothing at times when they do; a panel shows them grey else.
     """
 
     identifier: str
@@ -62,6 +75,7 @@ class Kind:
     # One and many of its items, in the summary of a transfer; one word alone is not counted.
     words: tuple[str, ...] = ()
     borrowed: tuple[str, ...] = ()
+    effects: Mapping[str, Effect] = field(default_factory=dict)
 
     @property
     def shown(self) -> tuple[str, ...]:

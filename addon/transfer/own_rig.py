@@ -27,10 +27,20 @@ ALIKE, NEAR = 0.15, 0.4
 
 def own_modifiers(route: Route) -> list[bpy.types.Modifier]:
     """Armature modifiers of the target's meshes that are on, with rigs that do not come from the source."""
-    given = rigs(route.source)
+    return _own_modifiers(rigs(route.source), route.targets)
+
+
+def has_own_rig(sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]) -> bool:
+    """Whether one of these targets has a rig that does not come from the source."""
+    return bool(_own_modifiers([rig for source in sources for rig in rigs(source)], targets))
+
+
+def _own_modifiers(
+    given: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]
+) -> list[bpy.types.Modifier]:
     return [
         modifier
-        for target in route.targets
+        for target in targets
         for modifier in armature_modifiers(target)
         if modifier.show_viewport
         and modifier.object not in given

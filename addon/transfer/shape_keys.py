@@ -253,4 +253,5 @@ KIND = Kind(
         ),
     },
     words=("key", "keys"),
+    effects={"keep_contacts": lambda options, _: options.scale_keys},
 )

@@ -18,7 +18,7 @@ from ..mesh_write import check_name
 from ..typed import Flags, Floats, Options
 from .attributes import SEAMS
 from .kind import Kind, Prepared
-from .layouts import MOST_UV_MAPS, bakes_into_own, carried_maps, finite_uv, remember
+from .layouts import MOST_UV_MAPS, bakes_into_own, carried_maps, finite_uv, own_maps, remember
 
 if TYPE_CHECKING:
     from .route import Route
@@ -170,4 +170,19 @@ KIND = Kind(
         ),
     },
     words=("UV map", "UV maps"),
+    effects={
+        "replace_uv": lambda _, bodies: (
+            bodies is None
+            or any(
+                name in own_maps(target.data)
+                for source in bodies.sources
+                for name in names(source)
+                for target in bodies.targets
+            )
+        ),
+        "split_bare": lambda options, bodies: (
+            not options.split_seams
+            and (bodies is None or not all(own_maps(target.data) for target in bodies.targets))
+        ),
+    },
 )

@@ -15,9 +15,19 @@ from ..mesh_write import write_attribute
 from ..typed import Entries, Flags, Floats, Integers, Locks, Options
 from .kind import Kind, Prepared
 from .listed import listed
-from .own_rig import AUTO, KEEP, REPLACE, bones_after, keeps_rig, kept_name, own_modifiers, translated
+from .own_rig import (
+    AUTO,
+    KEEP,
+    REPLACE,
+    bones_after,
+    has_own_rig,
+    keeps_rig,
+    kept_name,
+    own_modifiers,
+    translated,
+)
 from .weight_sums import finished, giving_way, mixed, sums
-from .weights import copy_group, deforming_bones, read_weights, write_weights
+from .weights import copy_group, deforming_bones, read_weights, rigs, write_weights
 
 if TYPE_CHECKING:
     from .route import Route
@@ -299,4 +309,13 @@ KIND = Kind(
         ),
     },
     words=("group", "groups"),
+    effects={
+        "limit": lambda options, _: options.limit_total,
+        "own_rig": lambda _, bodies: bodies is None or has_own_rig(*bodies),
+        "others_give_way": lambda options, bodies: (
+            bodies is None
+            or any(rigs(target) for target in bodies.targets)
+            or (options.use_armature and any(rigs(source) for source in bodies.sources))
+        ),
+    },
 )

@@ -12,7 +12,8 @@ from test_transfer import store_identity
 from addon import job, menus, notice, pair, palette
 from addon.mesh_read import value_of
 from addon.operators import carry as carrying
-from addon.operators.carry import ADJUSTED, carry
+from addon.operators import compare
+from addon.operators.carry import ADJUSTED, carry, done_words
 from addon.transfer import Carried, said_once
 from addon.translation_table import TABLE
 
@@ -55,6 +56,20 @@ def test_one_kind_without_a_plural_is_not_counted():
     brought = Carried({"armature": ["Rig"], "keys": ["A"], "groups": ["A", "B"]})
     brought.add(Carried({"groups": ["B", "C"], "marks": ["Seams"]}, ["look"]))
     assert brought.summary() == "3 groups, 1 key, marks, rig" and brought.notes == ["look"]
+
+
+def test_several_targets_are_counted():
+    brought = Carried({"groups": ["A"]})
+    assert done_words(brought, [1]) == "Done: 1 group"
+    assert done_words(brought, [1, 1]) == "Done to 2 meshes: 1 group"
+    assert done_words(brought, [4, 1]) == "Done to 2 characters: 1 group"
+
+
+def test_actions_are_counted_once():
+    brought = Carried({"armature": ["Rig"]}, actions=["Walk"])
+    assert brought.summary() == "rig, 1 action"
+    brought.add(Carried(actions=["Walk", "Run"]))
+    assert brought.summary() == "rig, 2 actions"
 
 
 def test_a_transfer_that_is_stopped_changes_nothing(bodies, scene):
@@ -106,6 +121,45 @@ def test_a_transfer_is_repeated_with_what_was_adjusted(bodies, scene):
     bpy.ops.screen.repeat_last()
     assert not target.data.uv_layers and len(target.vertex_groups) == len(GROUPS)
     assert scene.spectral_match.use_uv
+
+
+def test_before_and_after_are_one_press_each(bodies, scene):
+    """Whatever was done since the transfer; what was done comes back with it."""
+
+    def groups_and_place():
+        target = bpy.data.objects["Target"]
+        return len(target.vertex_groups), target.location.x
+
+    bpy.ops.ed.undo_push(message="Begin")
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    bpy.ops.ed.undo_push(message="Transfer")
+    for place in (0.0, 1.0, 2.0):
+        bpy.data.objects["Target"].location.x = place
+        bpy.ops.ed.undo_push(message="Move")
+        for _ in range(2):
+            bpy.ops.spectral_match.compare(back=True)
+            assert groups_and_place() == (0, 0.0) and not compare.is_after(bpy.context)
+            bpy.ops.spectral_match.compare(back=False)
+            assert groups_and_place() == (len(GROUPS), place) and compare.is_after(bpy.context)
+    # A step that was undone by itself is redone to just after the transfer.
+    for _ in range(4):
+        bpy.ops.ed.undo()
+    assert not compare.is_after(bpy.context)
+    bpy.ops.spectral_match.compare(back=False)
+    assert groups_and_place() == (len(GROUPS), 0.0)
+    assert notice.done is not None
+
+
+def test_a_transfer_too_long_ago_for_undo_stays(bodies, monkeypatch):
+    edit = bpy.context.preferences.edit
+    monkeypatch.setattr(edit, "undo_steps", 4)
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    for place in range(8):
+        bpy.data.objects["Target"].location.x = place
+        bpy.ops.ed.undo_push(message="Move")
+    bpy.ops.spectral_match.compare(back=True)
+    target = bpy.data.objects["Target"]
+    assert (len(target.vertex_groups), target.location.x) == (len(GROUPS), 7.0)
 
 
 def test_all_and_none_mean_what_the_search_finds(bodies, scene):

@@ -7,6 +7,7 @@ import pytest
 from conftest import lumpy, new_object
 from test_transfer import store_identity, transfer
 
+from addon import notice
 from addon.transfer.actions import curves_used
 
 FRAMES = np.linspace(-3.0, 45.0, 25)
@@ -60,6 +61,7 @@ def test_keys_move_as_those_of_the_source(faces, scene):
         for name in ("Smile", "Blink.L"):
             assert np.ptp(shown(source, name, scene)) > 0.5
             np.testing.assert_array_equal(shown(target, name, scene), shown(source, name, scene))
+        assert notice.done() == "Done: 2 keys, 1 action"
     # A copy of the source's, which stays as it is, and one at both times.
     actions = [obj.data.shape_keys.animation_data.action for obj in (source, target)]
     assert actions[0] != actions[1] and set(bpy.data.actions) == set(actions)
@@ -71,6 +73,7 @@ def test_only_curves_of_carried_keys_come_by_their_names_on_the_target(faces, sc
     animate(source, "Smile", {1: 0.0, 10: 1.0})
     animate(source, "Blink.L", {1: 0.3, 10: 0.0})
     transfer(source, target, items="keys/Blink.L", mirror_names=True)
+    assert notice.done() == "Done: 1 key, 1 action"
     (curve,) = curves_used(target.data.shape_keys.animation_data)
     assert curve.data_path == 'key_blocks["Blink.R"].value'
     values = shown(target, "Blink.R", scene)

@@ -1026,3 +1026,23 @@ def test_faces_between_images_on_several_meshes_are_split(scene, monkeypatch):
     assert len(piece) > count and "were split along seams" in notice.words
     assert (faces < np.array([len(triangles) for triangles in centres])[piece]).all()
     np.testing.assert_allclose(weights.sum(axis=1), 1.0, atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("owner", "meshes", "name"),
+    [
+        ("Rig", ["Knight_Body", "Knight_Head"], "Knight"),
+        ("Armature.001", ["Beta_Joints.001", "Beta_Surface.001"], "Beta.001"),
+        ("Steve", ["Knight_Body", "Knight_Head"], "Steve"),
+        ("Rig", ["Body", "Head"], "Rig"),
+        ("Rig", ["HeroBody", "HeroHead"], "Rig"),
+        ("Rig.001", ["Body.001", "Body.002"], "Rig.001"),
+        ("Rig", ["Big Bad Wolf", "Big Bad Hat"], "Big Bad"),
+    ],
+)
+def test_a_character_that_nobody_named_is_called_as_its_meshes_are(scene, owner, meshes, name):
+    rig = bpy.data.objects.new(owner, None)
+    bpy.context.collection.objects.link(rig)
+    for each in meshes:
+        new_object(each, *lumpy(3)).parent = rig
+    assert rig.name == owner and characters.of(rig).name == name

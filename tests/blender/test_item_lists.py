@@ -9,7 +9,7 @@ from conftest import lumpy, new_object
 from test_after_transfer import GROUPS
 
 from addon import item_lists, transfer_panel
-from addon.transfer import KINDS
+from addon.transfer import KINDS, Bodies
 
 KIND = next(kind for kind in KINDS if kind.identifier == "groups")
 FOUND = 1 << 30
@@ -41,7 +41,7 @@ def source(scene):
 
 def drawn(source):
     lists = []
-    transfer_panel.draw_kinds(Layout(lists), bpy.context.scene.spectral_match, [source])
+    transfer_panel.draw_kinds(Layout(lists), bpy.context.scene.spectral_match, Bodies([source], []))
     return lists
 
 

@@ -8,6 +8,7 @@ from bipeds import FRAMES, Figure, apart, head_of, leg_of, limbs, turn_bone, wal
 from mathutils import Euler, Matrix
 from test_transfer import transfer
 
+from addon import notice
 from addon.transfer.actions import curves_used
 
 # Limbs that are keyed at each frame point as the source's but for single precision.
@@ -48,6 +49,7 @@ def test_limbs_point_as_the_source_s(scene, poses, scale, y_up):
     walk(rig)
     for _ in range(2):
         transfer(source.obj, target.obj, kinds="groups,armature")
+        assert notice.done().endswith(", rig, 1 action")
         own = target.obj.find_armature()
         angle, way = worst(scene, rig, own)
         assert angle < EXACT and way < 2e-3
@@ -148,7 +150,7 @@ def test_actions_play_as_they_are_on_request(scene):
     walk(rig)
     transfer(source.obj, target.obj, kinds="groups,armature", fit_animation=False)
     own = target.obj.find_armature()
-    assert own.animation_data.action == rig.animation_data.action
+    assert own.animation_data.action == rig.animation_data.action and notice.done().endswith(", 1 action")
     for frame in FRAMES:
         scene.frame_set(frame)
         for bone, other in zip(rig.pose.bones, own.pose.bones, strict=True):

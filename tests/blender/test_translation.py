@@ -6,11 +6,12 @@ import re
 import unicodedata
 from pathlib import Path
 from string import Formatter
+from types import SimpleNamespace
 
 import bpy
 import pytest
 
-from addon import job, panels, remedy, wording
+from addon import job, panels, remedy, translation, wording
 from addon.drawing import wrapped
 from addon.message_table import MESSAGES
 from addon.operators import settings
@@ -317,3 +318,17 @@ def test_lines_hold_all_of_a_text(text):
     lines = wrapped(text, lambda line: width(line) <= 8)
     assert all(width(line) <= 8 for line in lines)
     assert "".join("".join(lines).split()) == "".join(text.split())
+
+
+@pytest.mark.parametrize("translates", [True, False])
+def test_messages_are_in_the_language_of_the_interface(monkeypatch, translates):
+    """With tooltips alone translated, panels are in English."""
+    view = SimpleNamespace(use_translate_interface=translates)
+    fake = SimpleNamespace(
+        context=SimpleNamespace(preferences=SimpleNamespace(view=view)),
+        app=SimpleNamespace(translations=SimpleNamespace(locale="ja_JP", pgettext_iface=lambda text: text)),
+    )
+    monkeypatch.setattr(translation, "bpy", fake)
+    words = "'Body' has no match yet. Press Match first"
+    assert (spoken(words) == words) != translates
+    assert spoken(words, "ja_JP") != words

@@ -1,0 +1,253 @@
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""What panels draw: buttons that stay in their places, a stop that is said, options that are grey."""
+
+from types import SimpleNamespace
+
+import bpy
+import numpy as np
+import pytest
+from bipeds import Figure, walk
+from conftest import choose, lumpy, new_object
+from test_transfer import store_identity, transfer
+
+from addon import job, manual, notice, panels, transfer_panel
+from addon.operators import carry, match, outfit, step
+from addon.transfer import KINDS, Bodies, has_effect
+
+BUTTONS = ("spectral_match.match", "spectral_match.transfer")
+
+
+class Layout:
+    """Notes in their order what is drawn, and whether it is grey."""
+
+    def __init__(self, drawn, grey=False):
+        self.drawn, self.grey = drawn, grey
+
+    def __setattr__(self, name, value):
+        if name == "active":
+            name, value = "grey", self.grey or not value
+        super().__setattr__(name, value)
+
+    def operator(self, name, **_more):
+        self.drawn.append((name, self.grey))
+        return SimpleNamespace()
+
+    def prop(self, _data, name, **_more):
+        self.drawn.append((name, self.grey))
+
+    def progress(self, **_more):
+        self.drawn.append(("progress", self.grey))
+
+    def label(self, text="", **_more):
+        self.drawn.append((text, self.grey))
+
+    def __getattr__(self, name):
+        return lambda *_given, **_more: Layout(self.drawn, self.grey)
+
+
+@pytest.fixture
+def bodies(scene, monkeypatch):
+    """A source with keys, groups and a UV map, and a target that is its copy, matched."""
+    source, target = new_object("Source", *lumpy(6)), new_object("Target", *lumpy(6))
+    for number in range(8):
+        group = source.vertex_groups.new(name=f"Bone {number}")
+        group.add(range(len(source.data.vertices)), (1.0 + number) / 36.0, "REPLACE")
+    source.data.uv_layers.new(name="UVMap")
+    source.shape_key_add(name="Basis")
+    source.shape_key_add(name="Smile").data[0].co.z += 0.1
+    store_identity(source, target)
+    choose(source, target)
+    monkeypatch.setattr("addon.drawing.wrapped", lambda text, _fits: [text])
+    yield source, target
+    notice.clear()
+
+
+def drawn(panel):
+    """What a panel draws, in its order."""
+    found = []
+    context = SimpleNamespace(
+        region=SimpleNamespace(width=280),
+        space_data=None,
+        **{name: getattr(bpy.context, name) for name in ("scene", "preferences", "view_layer")},
+    )
+    panel.draw(SimpleNamespace(layout=Layout(found), **panels_own(panel)), context)
+    return found
+
+
+def panels_own(panel):
+    return {name: getattr(panel, name) for name in vars(panel) if name.startswith("_draw")}
+
+
+def test_both_steps_stay_where_they_are(bodies, monkeypatch):
+    """Nothing that comes and goes is above them; progress takes the place of the button that was pressed."""
+
+    def above_and_steps():
+        names = [name for name, _ in drawn(panels.VIEW3D_PT_spectral_match)]
+        steps = [name for name in names if name in (*BUTTONS, "progress")]
+        return names[: names.index(steps[0])], steps
+
+    above, steps = before = above_and_steps()
+    assert steps == [*BUTTONS]
+    notice.say("Something\nis wrong")
+    assert above_and_steps() == before
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"} and notice.done is not None
+    assert above_and_steps() == before
+    for blocks, expected in ((False, ["progress", BUTTONS[1]]), (True, [BUTTONS[0], "progress"])):
+        running = job.Job()
+        running.blocks = blocks
+        monkeypatch.setattr(job, "current", running)
+        assert above_and_steps() == (above, expected)
+
+
+def test_reasons_of_a_match_stay_after_a_transfer(bodies):
+    _, target = bodies
+    target.data.spectral_match.reasons = "the bodies differ"
+    before = drawn(panels.VIEW3D_PT_spectral_match_result)
+    assert "The bodies have different proportions" in [words for words, _ in before]
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    assert drawn(panels.VIEW3D_PT_spectral_match_result) == before
+
+
+@pytest.mark.parametrize(
+    ("operator", "what"),
+    [
+        (match.SPECTRAL_MATCH_OT_match, "Match"),
+        (carry.SPECTRAL_MATCH_OT_transfer, "Transfer"),
+        (outfit.SPECTRAL_MATCH_OT_fit_outfit, "Fitting"),
+    ],
+)
+def test_a_stop_is_said_beside_the_button(bodies, operator, what):
+    stopped = match.MatchJob([], [], None, {}) if what == "Match" else job.Job()
+    stopped.cancelled = True
+
+    class Pressed(step.Step):
+        _done = ()
+
+        def report(self, kinds, words):
+            self.told = kinds, words
+
+    pressed = Pressed()
+    assert operator.conclude(pressed, bpy.context, stopped) == {"CANCELLED"}
+    words = f"{what} stopped; nothing was changed"
+    assert pressed.told == ({"INFO"}, words) and (notice.words, notice.icon) == (words, "INFO")
+    assert words in [drawn_words for drawn_words, _ in drawn(panels.VIEW3D_PT_spectral_match)]
+    notice.say("It failed")
+    assert notice.icon == "ERROR"
+
+
+def grey(bodies):
+    """Options of kinds that are drawn grey."""
+    found, settings = [], bpy.context.scene.spectral_match
+    for kind in KINDS:
+        setattr(settings, f"open_{kind.identifier}", True)
+    transfer_panel.draw_kinds(Layout(found), settings, bodies)
+    shown = {name for kind in KINDS for name in kind.shown}
+    return {name for name, is_grey in found if is_grey and name in shown}
+
+
+def test_options_without_effect_are_grey(bodies, scene):
+    source, target = bodies
+    both, settings = Bodies([source], [target]), scene.spectral_match
+    settings.use_armature = False
+    bare = {"limit", "own_rig", "others_give_way", "replace_uv"}
+    assert grey(both) == bare
+    settings.limit_total, settings.scale_keys, settings.split_seams = True, False, True
+    assert grey(both) == (bare - {"limit"}) | {"keep_contacts", "split_bare"}
+    settings.split_seams = False
+    target.data.uv_layers.new(name="UVMap")
+    assert grey(both) == {"own_rig", "others_give_way", "keep_contacts", "split_bare"}
+    # Of a kind that is left out, all.
+    settings.use_keys = False
+    assert grey(both) >= {"scale_keys", "keep_contacts", "skip_still"}
+
+
+def test_options_of_rigs_are_grey_without_one(scene):
+    source, target = Figure("Source", pose="T"), Figure("Target", "stout", "A", seed=3)
+    target.store_known(source)
+    rig = source.rigged()
+    both = Bodies([source.obj], [target.obj])
+    assert {"fit_animation", "own_rig"} <= grey(both) and "others_give_way" not in grey(both)
+    walk(rig)
+    own = target.rigged()
+    assert not {"fit_animation", "own_rig", "others_give_way"} & grey(both)
+    # A rig that came from the source is none of the target's own.
+    target.obj.modifiers.clear()
+    transfer(source.obj, target.obj, kinds="groups,armature")
+    assert target.obj.find_armature() not in (rig, own) and "own_rig" in grey(both)
+
+
+def test_options_of_outfits_and_characters_are_grey_too(bodies, scene):
+    source, target = bodies
+    settings = scene.spectral_match
+
+    def is_grey(panel, name):
+        return dict(drawn(panel))[name]
+
+    outfit_panel, options = panels.VIEW3D_PT_spectral_match_outfit, panels.VIEW3D_PT_spectral_match_options
+    assert is_grey(outfit_panel, "outfit_body_keys") and not is_grey(outfit_panel, "outfit_hide")
+    target.shape_key_add(name="Basis")
+    assert not is_grey(outfit_panel, "outfit_body_keys")
+    # Two meshes by themselves are the same characters in any case; a mesh of several is not.
+    assert is_grey(options, "whole_characters") and not is_grey(options, "shape")
+    root = bpy.data.objects.new("Root", None)
+    bpy.context.collection.objects.link(root)
+    source.parent = new_object("Hat", *lumpy(3)).parent = root
+    for whole in (True, False):
+        settings.whole_characters = whole
+        assert not is_grey(options, "whole_characters")
+
+
+@pytest.mark.parametrize(
+    ("kinds", "others", "option"),
+    [
+        ("groups", {"limit_total": False}, {"limit": (1, 4)}),
+        ("keys", {"scale_keys": False}, {"keep_contacts": (False, True)}),
+        ("uv", {"split_seams": True}, {"split_bare": (False, True)}),
+    ],
+)
+def test_grey_options_change_nothing(bodies, kinds, others, option):
+    source, target = bodies
+    ((name, values),) = option.items()
+    assert not has_effect(name, SimpleNamespace(**others), None)
+    results = []
+    for value in values:
+        transfer(source, target, kinds=kinds, **others, **{name: value})
+        results.append(state(target))
+    for first, second in zip(*results, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def state(obj):
+    """Weights, keys and UVs of a mesh as arrays."""
+    weights = [[(entry.group, entry.weight) for entry in v.groups] for v in obj.data.vertices]
+    keys = obj.data.shape_keys
+    places = [point.co[:] for block in (keys.key_blocks if keys else ()) for point in block.data]
+    layers = [uv.vector[:] for layer in obj.data.uv_layers for uv in layer.uv]
+    return np.array(weights).ravel(), np.array(places), np.array(layers), len(obj.data.vertices)
+
+
+def test_kinds_that_the_source_lacks_are_behind_one_line(bodies, scene):
+    settings = scene.spectral_match
+    for opened in (False, True):
+        settings.open_lacking = opened
+        found = [words for words, _ in drawn(transfer_panel.VIEW3D_PT_spectral_match_transfer)]
+        assert "use_keys" in found and "use_armature" not in found
+        assert ("Armature" in found) == opened
+
+
+def test_batch_shows_what_goes_before_a_first_match(scene):
+    source = new_object("Source", *lumpy(3))
+    source.vertex_groups.new(name="Bone")
+    targets = [new_object(name, *lumpy(3)) for name in ("First", "Second")]
+    choose(source, *targets)
+    found = [words for words, _ in drawn(panels.VIEW3D_PT_spectral_match_batch)]
+    assert "Match and transfer the checked data to all 2 selected targets" in " ".join(found)
+    assert "use_groups" in found and "use_keys" not in found
+
+
+def test_manual_and_reports_have_buttons_where_there_is_a_website(monkeypatch):
+    for address, count in (("https://example.org/", 2), ("", 0)):
+        monkeypatch.setattr(manual, "website", lambda address=address: address)
+        found = []
+        manual.draw_links(Layout(found))
+        assert [name for name, _ in found] == ["wm.url_open"] * count
