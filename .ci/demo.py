@@ -53,7 +53,7 @@ def main() -> int:
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     addon.register()
 
-    print("making two characters …", flush=True)
+    print("making two characters, up to a minute …", flush=True)
     mia = scene.staged(people.mia(), -1.5 * STEP)
     scene.add_walk(mia)
     # Bruno comes without a rig: all that moves him is Mia's.
@@ -65,7 +65,7 @@ def main() -> int:
     for number, words in enumerate(CAPTIONS):
         studio.caption(words, (number - 1.5) * STEP, z=1.63)
 
-    print("matching …", flush=True)
+    print("matching, up to a minute …", flush=True)
     choose(mia, bruno)
     started = time.perf_counter()
     bpy.ops.spectral_match.match()
@@ -77,7 +77,7 @@ def main() -> int:
     print(f"  {seconds:.1f} s; what the panel adds: {'; '.join(doubts)}")
     print(f"  95 % of the skin within {most:.1f} % of the height from where it belongs")
 
-    print("transferring weights, rig, walk, keys and texture …", flush=True)
+    print("transferring weights, rig, walk, keys and texture, up to a minute …", flush=True)
     started = time.perf_counter()
     bpy.ops.spectral_match.transfer(kinds="groups,armature,keys,materials,textures")
     rig = bruno.meshes["Body"].find_armature()
@@ -106,7 +106,7 @@ def main() -> int:
         bpy.ops.wm.save_as_mainfile(filepath=str(blend))
     print(f"wrote {blend}")
     if options.samples:
-        print("rendering …", flush=True)
+        print("rendering, up to three minutes …", flush=True)
         studio.rendered(picture, (1200, 540), options.samples)
         print(f"wrote {picture}")
     print("means, against what is known by construction; the demo fails beyond the bounds in brackets:")
