@@ -192,7 +192,7 @@ mod tests {
             .map(|i| vector::scaled(own[i / 2], if i % 2 == 0 { 1.0 } else { -1.0 }))
             .collect();
         let faces: Vec<[i64; 3]> = (0..8)
-            .map(|i| [i & 1, 2 + (i >> 1 & 1), 4 + (i >> 2)])
+            .map(|i| [i & 1, 2 + ((i >> 1) & 1), 4 + (i >> 2)])
             .collect();
         let (_, axes) = principal_axes(&Surface::new(corners, &faces).unwrap()).unwrap();
         for found in axes {
