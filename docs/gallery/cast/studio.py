@@ -99,7 +99,7 @@ def statue(objects, x: float, name: str, colours: str | None = None):
 
 
 def caption(words: str, x: float, z: float, size: float = 0.07):
-    """Words that stand above a figure, unlit, their lowest line at `z`."""
+    """Words that stand above a figure and cast no shadow, their lowest line at `z`."""
     curve = bpy.data.curves.new(words, "FONT")
     curve.body, curve.size, curve.align_x, curve.align_y = words, size, "CENTER", "BOTTOM"
     look = bpy.data.materials.new("Ink")
