@@ -2,13 +2,14 @@
 
     python .ci/tables.py
     python .ci/tables.py --check
-    python .ci/tables.py --record OUT.json [--reverse] [--machine TEXT]
+    python .ci/tables.py --record OUT.json [--reverse] [--characters] [--machine TEXT]
 
 With --check the exit status is 1 when a page and the results differ. --record takes over what
 `sgmds evaluate --json OUT.json` wrote (--reverse: of wholes against parts), `.ci/face_benchmark.py` or
 `sgmds bench --json OUT.json` (--machine: on which either of these ran), `tests/reliability/corpus.py --json
-OUT.json`, or `tests/fuzz/campaign.py` in build/fuzz/figures.json, with date and commit: the one that was
-measured has to be checked out. A table is between `<!-- table: NAME -->` and `<!-- end of table -->`.
+OUT.json` (--characters: of characters alone), or `tests/fuzz/campaign.py` in build/fuzz/figures.json, with
+date and commit: the one that was measured has to be checked out. A table is between
+`<!-- table: NAME -->` and `<!-- end of table -->`.
 """
 
 import argparse
@@ -137,8 +138,8 @@ def faces() -> str:
 # --------------------------------------------------------------- reliability
 
 
-def corpus() -> str:
-    data, rows = read(RELIABILITY)["corpus"], []
+def corpus(name: str) -> str:
+    data, rows = read(RELIABILITY)[name], []
     for trial, own in data["trials"].items():
         if trial == "other":
             shown = [NOTHING, *(f"({count})" for count in own["without truth"].values())]
@@ -308,13 +309,14 @@ def tables() -> dict[str, str]:
     made = {f"one thread {p['vertices']}": one_thread(data, p["vertices"]) for p in data["one_thread"]}
     for make in (sizes, stages, peers, kernels, spread, goals):
         made[make.__name__] = make(data)
-    return made | {make.__name__: make() for make in (accuracy, faces, corpus, fuzzing)}
+    made |= {name: corpus(name) for name in ("corpus", "characters")}
+    return made | {make.__name__: make() for make in (accuracy, faces, fuzzing)}
 
 
 # ----------------------------------------------------------------- recording
 
 
-def record(path: Path, reverse: bool, machine: str | None) -> None:
+def record(path: Path, reverse: bool, characters: bool, machine: str | None) -> None:
     """Takes over what `sgmds evaluate` or `sgmds bench` wrote."""
     git = ["git", "-C", str(ROOT), "rev-parse", "--short", "HEAD"]
     commit = subprocess.run(git, check=True, capture_output=True, text=True).stdout.strip()
@@ -322,7 +324,7 @@ def record(path: Path, reverse: bool, machine: str | None) -> None:
     new = json.loads(path.read_text(encoding="utf-8"))
     if "corpus" in new:
         recorded, known = RELIABILITY, read(RELIABILITY)
-        known["corpus"] = when | new["corpus"]
+        known["characters" if characters else "corpus"] = when | new["corpus"]
     elif isinstance(new, dict) and new.keys() & TARGETS.keys():
         recorded, known = RELIABILITY, read(RELIABILITY)
         known["fuzzing"] |= {name: when | new[name] for name in TARGETS if name in new}
@@ -355,10 +357,11 @@ def main() -> int:
     parser.add_argument("--check", action="store_true")
     parser.add_argument("--record", type=Path, metavar="OUT.json")
     parser.add_argument("--reverse", action="store_true", help="of wholes against parts")
+    parser.add_argument("--characters", action="store_true", help="of a corpus of characters")
     parser.add_argument("--machine", help="on which bench or benchmark ran")
     options = parser.parse_args()
     if options.record:
-        record(options.record, options.reverse, options.machine)
+        record(options.record, options.reverse, options.characters, options.machine)
     made, stale = tables(), []
     for page in (ROOT / "docs" / f"{name}.md" for name in ("accuracy", "speed", "reliability")):
         text = page.read_text(encoding="utf-8")

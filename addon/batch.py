@@ -139,9 +139,10 @@ def read_manifest(
     except (ValueError, OSError, WrongRequestError) as reason:
         # Errors of the core about a manifest are ValueErrors.
         words = str(reason)
-        raise WrongRequestError(words if str(path) in words else f"{path}: {words}") from reason
+        named = words if str(path) in words else f"{path}: {words}"
+        raise WrongRequestError(f"{named}; see docs/batch.md") from reason
     if not jobs:
-        raise WrongRequestError(f"{path}: nothing to do: give [[jobs]]")
+        raise WrongRequestError(f"{path}: nothing to do: give [[jobs]]; see docs/batch.md")
     _check_outputs(jobs)
     return jobs, options
 

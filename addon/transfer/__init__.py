@@ -320,8 +320,8 @@ def _prepare(
         names = route.wanted[kind.identifier]
         try:
             route.prepared.append(kind.prepare(route, names, options))
-            if route.prepared[-1].arrives:
-                brought.add(Carried({kind.identifier: names}))
+            if arrived := [name for name in names if name not in route.prepared[-1].left_out]:
+                brought.add(Carried({kind.identifier: arrived}))
         except UnusableObjectError as reason:
             if len(routes) == 1:
                 raise

@@ -62,7 +62,7 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
             notes=[
                 f"'{route.target.name}' keeps its rig '{own[0].object.name}': {listed(wanted)} was not fitted"
             ],
-            arrives=False,
+            left_out=wanted,
         )
     if own:
         notes.append(

@@ -26,13 +26,13 @@ class Prepared:
     """Data ready on the other side: `write` puts it onto the target, `notes` need the artist's attention.
 
     Where it changes how the target is shaded, `shade(mesh)` puts it onto any mesh with the target's faces.
-    `arrives` is False where nothing is put onto the target, and the notes say why.
+    `left_out` names what is not put onto the target after all, and the notes say why.
     """
 
     write: Callable[[], None] = _nothing
     notes: Sequence[str] = ()
     shade: Callable[[bpy.types.Mesh], None] | None = None
-    arrives: bool = True
+    left_out: Sequence[str] = ()
 
 
 def shading(target: bpy.types.Object, shade: Callable[[bpy.types.Mesh], None]) -> Prepared:

@@ -49,7 +49,7 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     blocks = [keys.key_blocks[name] for name in _with_references(keys, wanted)]
     named, notes = route.sides.of_all([block.name for block in blocks])
     back = np.linalg.inv(route.target_stretch)
-    offsets, still = {}, []
+    offsets, still, left = {}, [], []
     for block in blocks:
         delta = route.shown_places(read_key(block)) - route.shown_places(read_key(block.relative_key))
         delta = delta @ route.source_stretch
@@ -74,7 +74,7 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
                 else f"1 shape key moves nothing on '{route.target.name}' and was left out: {left[0]}"
             )
     if not blocks:
-        return Prepared(notes=tuple(notes))
+        return Prepared(notes=tuple(notes), left_out=left)
     masks = {block.name: route.sides.of(block.vertex_group) for block in blocks}
     missing = sorted({mask for mask in masks.values() if mask and mask not in route.target.vertex_groups})
     if missing:
@@ -82,7 +82,7 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
             f"Shape keys are masked by groups that '{route.target.name}' lacks, unless these are carried "
             f"too: {listed(missing)}"
         )
-    return Prepared(lambda: _write(route, blocks, named, offsets, masks), tuple(notes))
+    return Prepared(lambda: _write(route, blocks, named, offsets, masks), tuple(notes), left_out=left)
 
 
 def _reach(offsets: Floats) -> float:

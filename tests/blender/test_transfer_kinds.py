@@ -1569,6 +1569,7 @@ def test_keys_that_move_nothing_on_the_target_are_left_out(scene):
     keys = target.data.shape_keys.key_blocks.keys()
     assert sorted(keys) == ["Base", "Basis", "Empty", "High", "Own", "Read", "Upon"]
     assert "1 shape key moves nothing on 'Target' and was left out: Low" in notice.words
+    assert notice.done() == "Done: 6 keys"
     assert not offsets_of(target, "Own").any()
     transfer(source, target, kinds="keys", skip_still=False)
     assert "Low" in target.data.shape_keys.key_blocks and not notice.words

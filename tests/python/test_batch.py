@@ -656,7 +656,7 @@ def test_a_wrong_manifest_is_told_in_words(tmp_path, text, words):
 
 def test_what_is_no_manifest_is_told_in_words(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    with pytest.raises(sgmds.ArgumentError, match="^nope.toml: no such file$"):
+    with pytest.raises(sgmds.ArgumentError, match="^nope.toml: no such file; see docs/batch.md$"):
         manifest.read("nope.toml")
     with pytest.raises(sgmds.ArgumentError, match="is a folder"):
         manifest.read(tmp_path)

@@ -39,14 +39,9 @@ def small(monkeypatch):
 def test_examples_run(page, small, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     first, second = small(), small(build="slender", pose="wave", seed=1)
-    names = {
-        "vertices_1": first.vertices,
-        "faces_1": first.faces,
-        "weights_1": first.weights,
-        "vertices_2": second.vertices,
-        "faces_2": second.faces,
-        "labels": first.part,
-    }
+    write_obj(tmp_path / "source.obj", first)
+    write_obj(tmp_path / "target.obj", second)
+    names = {"weights_1": first.weights, "labels": first.part}
     blocks = examples(page)
     assert blocks
     for block in blocks:
@@ -54,6 +49,12 @@ def test_examples_run(page, small, tmp_path, monkeypatch):
     assert isinstance(names["corr"], sgmds.Correspondence)
     carried = names.get("weights_2", names.get("weights"))
     assert carried.shape[0] == len(names["corr"].vertices)
+
+
+def write_obj(path, body):
+    lines = ["v {} {} {}".format(*vertex) for vertex in body.vertices]
+    lines += ["f {} {} {}".format(*face) for face in body.faces + 1]
+    path.write_text("\n".join(lines), encoding="utf-8")
 
 
 def table_rows(page, heading):

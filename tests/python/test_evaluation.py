@@ -223,7 +223,7 @@ def test_names_in_pictures_are_as_they_are_written(folder, tmp_path):
 
 
 def test_errors_are_told(folder, tmp_path):
-    with pytest.raises(sgmds.SgmdsError, match="no such folder"):
+    with pytest.raises(sgmds.SgmdsError, match="no such folder; see docs/evaluation.md$"):
         evaluate(tmp_path / "none")
     with pytest.raises(sgmds.SgmdsError, match="BODIES"):
         evaluate(folder.parent, set="OTHER")

@@ -524,7 +524,8 @@ def test_strips_of_a_ply(tmp_path):
         ("a.ply", ply("ascii", 1).encode() + b"0 " * 15 + b"nan 0 1 2", "has a list of nan"),
         ("a.ply", ply("strange", 1).encode(), "its format is 'strange'"),
         ("a.ply", ply("ascii", 1, "property text t\n").encode(), "of kind 'text'"),
-        ("a.ply", b"ply\n", "cannot be read"),
+        ("a.ply", b"ply\n", "no whole header"),
+        ("a.ply", b"ply\n" + b"comment\n" * 2**17, "header does not end within 1,048,576 bytes"),
     ],
 )
 def test_bad_files_name_file_and_reason(tmp_path, name, data, reason):

@@ -131,6 +131,29 @@ def test_property_any_small_mesh_is_matched_or_refused(count, triangles, seed):
     assert np.isfinite(corr.barycentric).all()
 
 
+def sheet(length, width):
+    """An open piece of so many by so many vertices, bent."""
+    x, y = (c.ravel() for c in np.meshgrid(np.arange(length), np.arange(width), indexing="ij"))
+    vertices = np.stack([x, y, 0.3 * np.sin(x / 2) + 0.1 * y**2], axis=1)
+    q = (width * np.arange(length - 1)[:, None] + np.arange(width - 1)).ravel()
+    low, high = [q, q + width, q + width + 1], [q, q + width + 1, q + 1]
+    return vertices, np.concatenate([np.stack(low, axis=1), np.stack(high, axis=1)])
+
+
+@pytest.mark.parametrize(("length", "width"), [(16, 2), (8, 5), (10, 10)])
+def test_pieces_with_fewer_vertices_than_eigenpairs_are_matched_without_praise(length, width):
+    piece, strip = sheet(length, width), sheet(20, 2)
+    for other in (piece, strip):
+        corr = sgmds.match(other, piece)
+        assert np.isfinite(corr.barycentric).all() and corr.quality.grade != "green"
+        assert any("too few to be sure" in reason for reason in corr.quality.reasons)
+
+
+def test_fewer_than_32_vertices_are_refused():
+    with pytest.raises(sgmds.MeshError, match="has 30 vertices, at least 32 are needed"):
+        sgmds.Shape(*sheet(15, 2))
+
+
 def test_meshes_of_one_shape_in_one_pose_are_laid_onto_each_other(slender):
     """As after retopology: elsewhere placed, turned, scaled, with other triangles."""
     given = slender

@@ -98,6 +98,23 @@ def statue(objects, x: float, name: str, colours: str | None = None):
     return made
 
 
+def caption(words: str, x: float, z: float, size: float = 0.07):
+    """Words that stand above a figure and cast no shadow, their lowest line at `z`."""
+    curve = bpy.data.curves.new(words, "FONT")
+    curve.body, curve.size, curve.align_x, curve.align_y = words, size, "CENTER", "BOTTOM"
+    look = bpy.data.materials.new("Ink")
+    look.use_nodes = True
+    shader = look.node_tree.nodes["Principled BSDF"]
+    shader.inputs["Base Color"].default_value = (0.01, 0.01, 0.01, 1.0)
+    shader.inputs["Roughness"].default_value = 1.0
+    curve.materials.append(look)
+    obj = bpy.data.objects.new(words, curve)
+    obj.location, obj.rotation_euler = (x, 0.0, z), (np.pi / 2, 0.0, 0.0)
+    obj.visible_shadow = False
+    bpy.context.scene.collection.objects.link(obj)
+    return obj
+
+
 def attribute_look(name: str):
     """A material that shows a colour attribute."""
     look = bpy.data.materials.get(f"Shows {name}")

@@ -19,14 +19,9 @@ def images(source: Actor, target: Actor, piece: str):
     weights there."""
     mesh = target.meshes[piece].data
     count = len(mesh.vertices)
-    given = target.meshes[piece].spectral_match_pieces
-    by_mesh = {obj: name for name, obj in source.meshes.items()}
-    names = [by_mesh[each.object] for each in given]
+    names, which = pieces_of(source, target.meshes[piece])
     face = _attribute(mesh, "match_face", "value", np.empty(count, np.int32))
     share = _attribute(mesh, "match_barycentric", "vector", np.empty(3 * count, np.float32)).reshape(-1, 3)
-    which = np.zeros(count, np.int32)
-    if "match_piece" in mesh.attributes:
-        which = _attribute(mesh, "match_piece", "value", which)
     places, weights = np.zeros((count, 3)), np.zeros((count, len(SKELETON)))
     for number, name in enumerate(names):
         own = which == number
@@ -36,6 +31,16 @@ def images(source: Actor, target: Actor, piece: str):
             places[own] = np.einsum("nk,nkd->nd", share[own], there.places[corners])
             weights[own] = np.einsum("nk,nkd->nd", share[own], there.weights[corners])
     return places, weights
+
+
+def pieces_of(source: Actor, obj):
+    """Names of the source's pieces, and for each vertex of a target the number of the one it was matched
+    with."""
+    by_mesh = {mesh: name for name, mesh in source.meshes.items()}
+    which = np.zeros(len(obj.data.vertices), np.int32)
+    if "match_piece" in obj.data.attributes:
+        which = _attribute(obj.data, "match_piece", "value", which)
+    return [by_mesh[each.object] for each in obj.spectral_match_pieces], which
 
 
 def _attribute(mesh, name, what, values):
@@ -96,12 +101,16 @@ def joint_error(source: Actor, target: Actor, rig) -> float:
 
 def colour_share(source: Actor, target: Actor, pieces=("Head", "Hands"), tolerance=0.1) -> float:
     """Share of the pieces' triangles whose middle shows, in the texture that was baked for them, the colour
-    that the source is painted there: each channel within `tolerance`."""
+    that the source is painted there: each channel within `tolerance`. Asked are those matched with the same
+    piece: skin under a cap or a beard takes the colour of the source's hair, as it should."""
     right = []
     for name in pieces:
         pixels = _pixels(shown_image(target.meshes[name]))
         mesh, piece = target.meshes[name].data, target.person.piece(name)
         corners, loops = triangles(mesh)
+        names, which = pieces_of(source, target.meshes[name])
+        asked = (which[corners] == names.index(name)).all(axis=1)
+        corners, loops = corners[asked], loops[asked]
         height, width = pixels.shape[:2]
         texel = (corner_uv(mesh)[loops].mean(axis=1) * (width, height)).astype(int)
         places = piece.places[corners].mean(axis=1)

@@ -123,7 +123,9 @@ def _parser() -> argparse.ArgumentParser:
     evaluate = commands.add_parser(
         "evaluate", help="measure maps where the truth is known", description=_evaluate.__doc__
     )
-    evaluate.add_argument("folder", type=Path, help="a set (has pairs.txt), or a folder of sets")
+    evaluate.add_argument(
+        "folder", type=Path, help="a set (has pairs.txt), or a folder of sets; see docs/evaluation.md"
+    )
     evaluate.add_argument("--set", action="append", metavar="NAME", help="only this set; repeatable")
     evaluate.add_argument("--limit", type=_positive, metavar="N", help="only the first N pairs of each set")
     evaluate.add_argument("--every", type=_positive, default=1, metavar="N", help="only every Nth of them")

@@ -71,7 +71,7 @@ class ShapeSet:
         path = next((p for name in PAIRS if (p := self.folder / name).exists()), None)
         self._pairs = _asked(path) if path else self._all_pairs()
         if not self._pairs:
-            raise set_error(f'{path or self.folder}: asks for no map; write a line "A B" for each')
+            raise layout_error(f'{path or self.folder}: asks for no map; write a line "A B" for each')
 
     def _all_pairs(self) -> list[tuple[str, str]]:
         """Parts with their wholes, or all meshes of a class with one another, if their truth is published."""
@@ -85,7 +85,7 @@ class ShapeSet:
 
     def mesh(self, name: str) -> tuple[np.ndarray, np.ndarray]:
         if name not in self._files:
-            raise set_error(f"{self.folder}: no mesh named {name}, though a map of it is asked for")
+            raise layout_error(f"{self.folder}: no mesh named {name}, though a map of it is asked for")
         return read_mesh(self._files[name])
 
     def saved_maps(self) -> list[str]:
@@ -133,7 +133,7 @@ class ShapeSet:
         if found is None and self._share_order(a, b):
             found = np.arange(vertices_a), np.arange(vertices_a)
         if found is None:
-            raise set_error(f"{self.folder}: no truth for the pair {a} {b}")
+            raise layout_error(f"{self.folder}: no truth for the pair {a} {b}")
         return found
 
     def _swapped(self, a, b):
@@ -211,16 +211,16 @@ def find_sets(folder, names: Iterable[str] | None = None) -> list[ShapeSet]:
     """Sets in a folder, or the folder itself when it is one."""
     folder = Path(folder)
     if not folder.is_dir():
-        raise set_error(f"{folder}: no such folder")
+        raise layout_error(f"{folder}: no such folder")
     if _is_set(folder) and not names:
         return [ShapeSet(folder)]
     known = {p.name: p for p in sorted(folder.iterdir()) if _is_set(p)}
     wanted = list(names) if names else list(known)
     for name in wanted:
         if name not in known:
-            raise set_error(f"{folder}: no set named {name}; there are {', '.join(known) or 'none'}")
+            raise layout_error(f"{folder}: no set named {name}; there are {', '.join(known) or 'none'}")
     if not wanted:
-        raise set_error(f"{folder}: neither a pairs.txt nor a folder with one")
+        raise layout_error(f"{folder}: neither a pairs.txt nor a folder with one")
     return [ShapeSet(known[name]) for name in wanted]
 
 
@@ -298,3 +298,8 @@ def set_error(message: str) -> Exception:
     from sgmds import SgmdsError
 
     return SgmdsError(message)
+
+
+def layout_error(message: str) -> Exception:
+    """Something is not where a set has it."""
+    return set_error(f"{message}; see docs/evaluation.md")

@@ -51,6 +51,9 @@ settings! {
         quantile: f64 = 0.99,
         /// That quantile at most: the solids have 0.001, the people and animals at least 0.081, the game figures 0.032.
         nearly_all: f64 = 0.012,
+        /// Difference of the largest and the least second moment, over the largest, below which all count as equal: jacks
+        /// that turn onto themselves have at most 0.019, people, animals and game figures at least 0.44.
+        equal: f64 = 0.05,
         /// Distance of landmarks from every axis, over √area, from which they tell turns apart: as much as an image may
         /// be off before a map counts as wrong.
         off: f64 = 0.06,

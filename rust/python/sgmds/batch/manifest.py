@@ -240,7 +240,7 @@ def read(path, output=None, anywhere=False) -> Batch:
             raise ArgumentError("nothing to do: every pair is a shape with itself")
         _check_places(batch, anywhere)
     except ArgumentError as error:
-        raise ArgumentError(f"{path}: {error}") from error
+        raise ArgumentError(f"{path}: {error}; see docs/batch.md") from error
     return batch
 
 

@@ -109,6 +109,8 @@ def _header(source: Source) -> tuple[str, list[_Element], bytes]:
     head = source.read(BLOCK).removeprefix(codecs.BOM_UTF8)
     header = re.match(rb"ply\s(.*?)\send_header[ \t]*(\r\n|\n|\r)", head, re.DOTALL)
     if not header:
+        if head.startswith(b"ply") and len(head) > BLOCK - 4:
+            raise ValueError(f"its header does not end within {BLOCK:,} bytes")
         raise ValueError("it has no whole header of a PLY file")
     order = ""
     elements: list[_Element] = []
