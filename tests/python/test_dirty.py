@@ -232,7 +232,7 @@ def test_damage_leaves_the_map_of_the_clean_part(name, body, source, clean_map, 
     n = len(body.vertices)
     own = np.isin(np.arange(first, first + n), faces)
     error = difference(source, corr.vertices[first : first + n][own], clean_map.vertices[own])
-    record_property("error", round(error, 2))
+    record_property("error", round(float(error), 2))
     print(f"{name}: {error:.2f}, {corr.quality.grade}")
     assert error < bound
     said = [reason for reason in corr.quality.reasons if "of the target" in reason and "left out" in reason]
