@@ -94,6 +94,26 @@ def test_displacements_turn_and_grow_with_the_body(character):
     np.testing.assert_allclose(way.displacements(field, turn_only=True), field[old] @ turn.T, atol=1e-9)
 
 
+def test_vertices_that_an_exporter_split_move_together(character):
+    """Every triangle of the target alone, as in a flat-shaded export: as on the closed surface."""
+    vertices, faces = character.vertices, character.faces
+    narrower = vertices * (0.8, 1.0, 1.1)
+    triangle, corner = np.empty(len(vertices), int), np.empty(len(vertices), int)
+    for k in range(3):
+        triangle[faces[:, k]], corner[faces[:, k]] = np.arange(len(faces)), k
+    field = np.random.default_rng(1).normal(size=vertices.shape)
+    given = faces.ravel()
+    closed = sgmds.SurfaceMap((vertices, faces), (narrower, faces), triangle, np.eye(3)[corner])
+    split = sgmds.SurfaceMap(
+        (vertices, faces),
+        (narrower[given], np.arange(len(given)).reshape(-1, 3)),
+        triangle[given],
+        np.eye(3)[corner[given]],
+    )
+    # The same sums in another order.
+    np.testing.assert_allclose(split.displacements(field), closed.displacements(field)[given], atol=1e-9)
+
+
 def test_what_a_key_brings_together_meets_on_a_wider_body():
     """Two plates that face each other, in the target half as far apart again."""
     side = np.linspace(-1.0, 1.0, 17)

@@ -78,12 +78,7 @@ impl Welded {
             (class, first) = classes(vertices, faces, &|v| at_seam[v as usize]);
         }
         if first.len() == vertices.len() {
-            return Ok(Self {
-                vertices: vertices.to_vec(),
-                faces: faces.to_vec(),
-                class,
-                face: (0..faces.len() as u32).collect(),
-            });
+            return Ok(Self::unchanged(vertices, faces));
         }
         let welded = faces.iter().map(|f| f.map(|v| class[v as usize]));
         let whole = (0..)
@@ -96,6 +91,17 @@ impl Welded {
             class,
             face,
         })
+    }
+
+    /// A mesh as it is, each of its vertices alone.
+    #[must_use]
+    pub fn unchanged(vertices: &[Point], faces: &[[u32; 3]]) -> Self {
+        Self {
+            vertices: vertices.to_vec(),
+            faces: faces.to_vec(),
+            class: (0..vertices.len() as u32).collect(),
+            face: (0..faces.len() as u32).collect(),
+        }
     }
 
     /// Whether two given vertices are at one place.

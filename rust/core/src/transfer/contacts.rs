@@ -23,7 +23,7 @@ use crate::mesh::edge_weights::EdgeWeights;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::settings::CONTACTS;
 use crate::transfer::surface::{Surface, blend};
-use crate::transfer::surface_map::{SurfaceMap, check_rows};
+use crate::transfer::surface_map::{Joined, SurfaceMap, check_rows};
 
 /// How well corrections are solved.
 const UNTIL: Until = Until {
@@ -49,11 +49,28 @@ struct Contact {
 pub fn kept(map: &SurfaceMap, offsets: &[Point], carried: Vec<Point>) -> Result<Vec<Point>> {
     check_rows("offsets", offsets.len(), map.source.vertices.len())?;
     check_rows("carried", carried.len(), map.target.vertices.len())?;
-    let contacts = contacts(map, offsets, &carried);
+    let Joined {
+        surface,
+        class,
+        first,
+    } = map.joined();
+    let mut contacts = contacts(map, offsets, &carried);
+    // Of vertices at one place, all of which move alike, the first speaks.
+    contacts.retain_mut(|contact| {
+        let own = class[contact.vertex as usize];
+        let speaks = first[own as usize] == contact.vertex;
+        contact.vertex = own;
+        speaks
+    });
     if contacts.is_empty() {
         return Ok(carried);
     }
-    corrected(&map.target, &contacts, carried)
+    let moves: Vec<bool> = (first.iter())
+        .map(|&v| carried[v as usize] != [0.0; 3])
+        .collect();
+    let corrections = corrections(surface, &contacts, &moves)?;
+    let corrected = |(d, &class): (Point, &u32)| vector::add(d, corrections[class as usize]);
+    Ok(carried.into_iter().zip(class).map(corrected).collect())
 }
 
 /// The target's vertices whose images meet another part of the source.
@@ -151,19 +168,20 @@ fn contacts(map: &SurfaceMap, offsets: &[Point], carried: &[Point]) -> Vec<Conta
         .collect()
 }
 
-/// Displacements with smooth corrections around the contacts.
-fn corrected(target: &Surface, contacts: &[Contact], carried: Vec<Point>) -> Result<Vec<Point>> {
+/// Smooth corrections around the contacts, of the vertices that move.
+fn corrections(target: &Surface, contacts: &[Contact], moves: &[bool]) -> Result<Vec<Point>> {
+    let mut corrections = vec![[0.0; 3]; target.vertices.len()];
     let places: Vec<Point> = (contacts.iter())
         .map(|c| target.vertices[c.vertex as usize])
         .collect();
     let tree = SpaceTree::new(places.as_slice());
     let widest = contacts.iter().map(|c| c.gap).fold(0.0, f64::max);
     let Some(room) = Room::around(places.iter().copied(), CONTACTS.reach * widest) else {
-        return Ok(carried);
+        return Ok(corrections);
     };
-    let is_free: Vec<bool> = (target.vertices.par_iter().zip(&carried))
-        .map(|(&p, d)| {
-            *d != [0.0; 3]
+    let is_free: Vec<bool> = (target.vertices.par_iter().zip(moves))
+        .map(|(&p, &moves)| {
+            moves
                 && room.holds(p)
                 && tree.nearest(p).is_some_and(|c| {
                     vector::distance(p, places[c as usize])
@@ -210,7 +228,7 @@ fn corrected(target: &Surface, contacts: &[Contact], carried: Vec<Point>) -> Res
         count += 1.0;
     }
     if count == 0.0 {
-        return Ok(carried);
+        return Ok(corrections);
     }
     // A vertex has about the square of an edge.
     let square = CONTACTS.averaged_over * CONTACTS.averaged_over * area / count;
@@ -238,14 +256,12 @@ fn corrected(target: &Surface, contacts: &[Contact], carried: Vec<Point>) -> Res
     };
     let start = vec![[0.0; 3]; rest.len()];
     let found = conjugate_gradients::solved(apply, precondition, &right, start, UNTIL, &|| Ok(()))?;
-    let mut kept = carried;
     for (&v, correction) in vertices.iter().zip(found) {
-        let v = v as usize;
-        if is_free[v] {
-            kept[v] = vector::add(kept[v], correction);
+        if is_free[v as usize] {
+            corrections[v as usize] = correction;
         }
     }
-    Ok(kept)
+    Ok(corrections)
 }
 
 /// A box in space.

@@ -9,7 +9,7 @@ use crate::mesh::edge_weights::EdgeWeights;
 use crate::transfer::frame::{Frame, determinant};
 use crate::transfer::settings::FRAMES;
 use crate::transfer::surface::{Surface, blend};
-use crate::transfer::surface_map::SurfaceMap;
+use crate::transfer::surface_map::{Joined, SurfaceMap};
 
 /// How well the average is solved.
 const UNTIL: Until = Until {
@@ -33,9 +33,15 @@ fn add_edge(moments: &mut Moments, target: Point, source: Point) {
 
 impl SurfaceMap {
     /// The turn and scale from source to target around each target vertex, `(n_target)`.
+    ///
+    /// Vertices at one place, as exporters leave them at texture seams, have the same.
     #[must_use]
     pub fn frames(&self) -> &[Frame] {
-        self.frames.get_or_init(|| frames(self))
+        self.frames.get_or_init(|| {
+            let frames = frames(&Mapped::of(self));
+            let of = |&class: &u32| frames[class as usize];
+            self.joined().class.iter().map(of).collect()
+        })
     }
 
     /// Whether the map turns left into right, as its frames were decided to.
@@ -45,13 +51,38 @@ impl SurfaceMap {
     }
 }
 
+/// The joined target of a map, and where it goes on the source.
+struct Mapped<'a> {
+    surface: &'a Surface,
+    /// Place on the source and normal there for each vertex of the surface.
+    images: Vec<Point>,
+    normals: Vec<Point>,
+}
+
+impl<'a> Mapped<'a> {
+    fn of(map: &'a SurfaceMap) -> Self {
+        let Joined { surface, first, .. } = map.joined();
+        let normals = map.source.vertex_normals();
+        let normal = |&v: &u32| {
+            let point = &map.points[v as usize];
+            let corners = map.source.triangles[point.face as usize];
+            blend(corners.map(|w| normals[w as usize]), point.weights)
+        };
+        Self {
+            surface,
+            images: first.iter().map(|&v| map.images()[v as usize]).collect(),
+            normals: first.iter().map(normal).collect(),
+        }
+    }
+}
+
 /// Fits a frame at each target vertex to its edges, their images and the two normals.
 ///
 /// A frame takes edges of the images to edges of the target in the least-squares sense (Horn,
 /// "Closed-form solution of absolute orientation using unit quaternions", 1987), with the normals
 /// as a third direction. Whether frames turn or mirror is decided once, for the whole map.
 #[must_use]
-fn frames(map: &SurfaceMap) -> Vec<Frame> {
+fn frames(map: &Mapped) -> Vec<Frame> {
     let moments = averaged_moments(map);
     let covariance = |m: &Moments| [[m[0], m[1], m[2]], [m[3], m[4], m[5]], [m[6], m[7], m[8]]];
     let sides: f64 = moments
@@ -78,36 +109,33 @@ fn frames(map: &SurfaceMap) -> Vec<Frame> {
 
 /// The moments of each target vertex with its normals, averaged by area: x of (A + ℓ²W) x = y with the areas A, the cotangent
 /// weights W and the moments y.
-fn averaged_moments(map: &SurfaceMap) -> Vec<Moments> {
+fn averaged_moments(map: &Mapped) -> Vec<Moments> {
     let Surface {
         vertices,
         triangles,
         ..
-    } = &map.target;
+    } = map.surface;
     let mut moments = vec![[0.0; 11]; vertices.len()];
     for corners in triangles {
         for k in 0..3 {
             let (a, b) = (corners[k] as usize, corners[(k + 1) % 3] as usize);
             let d = vector::sub(vertices[b], vertices[a]);
-            let e = vector::sub(map.images()[b], map.images()[a]);
+            let e = vector::sub(map.images[b], map.images[a]);
             add_edge(&mut moments[a], d, e);
             add_edge(&mut moments[b], d, e);
         }
     }
-    let source_normals = map.source.vertex_normals();
-    for ((m, normal), point) in moments
+    for ((m, normal), image_normal) in moments
         .iter_mut()
-        .zip(map.target.vertex_normals())
-        .zip(&map.points)
+        .zip(map.surface.vertex_normals())
+        .zip(&map.normals)
     {
-        let corners = map.source.triangles[point.face as usize];
-        let image_normal = blend(corners.map(|v| source_normals[v as usize]), point.weights);
         let size = (m[9] * m[10]).sqrt() * FRAMES.normal_share;
         let [target, source] = [m[9], m[10]];
-        add_edge(m, vector::scaled(normal, size), image_normal);
+        add_edge(m, vector::scaled(normal, size), *image_normal);
         (m[9], m[10]) = (target, source);
     }
-    let areas = map.target.vertex_areas();
+    let areas = map.surface.vertex_areas();
     let total: f64 = areas.iter().sum();
     let edges = EdgeWeights::new(vertices, triangles);
     let square = FRAMES.averaged_over * FRAMES.averaged_over * total;

@@ -5,6 +5,7 @@ use std::sync::OnceLock;
 use crate::algebra::vector::Point;
 use crate::error::{Error, Result};
 use crate::mesh::surface_point::SurfacePoint;
+use crate::mesh::weld::Welded;
 use crate::transfer::frame::Frame;
 use crate::transfer::surface::Surface;
 
@@ -21,7 +22,48 @@ pub struct SurfaceMap {
     pub confidence: Vec<f64>,
     images: Vec<Point>,
     /// Made when first asked for.
+    joined: OnceLock<Joined>,
+    /// Made when first asked for.
     pub(super) frames: OnceLock<Vec<Frame>>,
+}
+
+/// The target with vertices at one place made one, as they were before an exporter split them at seams.
+#[derive(Debug)]
+pub(super) struct Joined {
+    pub surface: Surface,
+    /// Vertex of this surface for each of the target's.
+    pub class: Vec<u32>,
+    /// The first of the target's vertices for each of this surface.
+    pub first: Vec<u32>,
+}
+
+impl Joined {
+    fn of(target: &Surface) -> Self {
+        let welded = Welded::of(&target.vertices, &target.triangles)
+            .expect("corners of a surface are among its vertices");
+        // Where all lies at one place, no triangle is left.
+        let is_surface = !welded.faces.is_empty();
+        let Welded {
+            vertices,
+            faces,
+            class,
+            ..
+        } = if is_surface {
+            welded
+        } else {
+            Welded::unchanged(&target.vertices, &target.triangles)
+        };
+        let mut first = vec![0; vertices.len()];
+        for (v, &c) in class.iter().enumerate().rev() {
+            first[c as usize] = v as u32;
+        }
+        let faces: Vec<[i64; 3]> = faces.iter().map(|corners| corners.map(i64::from)).collect();
+        Self {
+            surface: Surface::new(vertices, &faces).expect("it is a part of a surface"),
+            class,
+            first,
+        }
+    }
 }
 
 impl SurfaceMap {
@@ -81,6 +123,7 @@ impl SurfaceMap {
             points,
             confidence,
             images,
+            joined: OnceLock::new(),
             frames: OnceLock::new(),
         })
     }
@@ -89,6 +132,11 @@ impl SurfaceMap {
     #[must_use]
     pub fn images(&self) -> &[Point] {
         &self.images
+    }
+
+    /// The target with vertices at one place made one.
+    pub(super) fn joined(&self) -> &Joined {
+        self.joined.get_or_init(|| Joined::of(&self.target))
     }
 }
 
