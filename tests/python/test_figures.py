@@ -327,3 +327,23 @@ def test_bodies_and_solids_with_a_mark_do_not_turn_onto_themselves(slender):
     for source, target in (bump, (body, body)):
         reasons = sgmds.match(source, target).quality.reasons
         assert not any("turned about an axis" in reason for reason in reasons)
+
+
+def test_a_cap_on_one_head_does_not_take_the_other_head_to_itself(resting):
+    """Head and trunk are pieces; the source wears a cap, the target a scarf."""
+    stout = characters.make("biped", "stout", "rest", resolution=2500, seed=4)
+
+    def parts(body):
+        height = body.vertices[:, 2] - body.vertices[:, 2].min()
+        height /= height.max()
+        return height > 0.81, height < 0.79, height > 0.9, (height > 0.82) & (height < 0.88)
+
+    def pieces(body):
+        return [offset(body.vertices, body.faces, part, 0.0) for part in parts(body)[:2]]
+
+    cap = offset(resting.vertices, resting.faces, parts(resting)[2], 0.03)
+    scarf = offset(stout.vertices, stout.faces, parts(stout)[3], 0.03)
+    source, target = joined(*pieces(resting), cap), joined(*pieces(stout), scarf)
+    corr = sgmds.match(source, target)
+    heads = [len(pieces(body)[0][0]) for body in (resting, stout)]
+    assert (source[1][corr.faces[: heads[1]]] < heads[0]).all()

@@ -3,16 +3,20 @@
 //! A vertex goes to its nearest point of the target's envelope, from there along the map to the source's, and as deep under
 //! that as it lay under its own to the nearest point of the given source whose surface lies alike: skin to skin and
 //! cloth to cloth where both have both. What lies far from the envelope, as teeth do, was not matched: it goes to its
-//! counterpart where there is one, else with what lies around it.
+//! counterpart where there is one, else with what lies around it. A piece of some size that comes to lie on several of the source's
+//! is drawn to one of them where it can be.
 
 use rayon::prelude::*;
 
 use super::{Figure, copies, largest};
+use crate::algebra::similarity::Similarity;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::figure::settings::{FIGURE, PULL_BACK};
 use crate::matching::Correspondence;
 use crate::mesh::surface_point::SurfacePoint;
+use crate::transfer::counterparts::{extent, laid_by_shape, members};
+use crate::transfer::parts::components;
 use crate::transfer::settings::COUNTERPARTS;
 use crate::transfer::surface::blend;
 use crate::transfer::{Surface, SurfaceMap};
@@ -136,7 +140,7 @@ fn placed(
         .zip(&map.barycentric)
         .map(|(&face, &weights)| blend(on_source.corners(face), weights))
         .collect();
-    let image = |v: usize| -> Placed {
+    let image = |v: usize| -> Sent {
         let (corners, weights, height, away) = match &target.wrapped {
             Some(wrapped) => {
                 let anchor = wrapped.anchors[v];
@@ -172,7 +176,13 @@ fn placed(
                 face,
                 weights: map.barycentric[nearest],
             };
-            return Placed { point, confidence };
+            let goal = given.position(&point);
+            let normal = vector::normalised(given.cross(face));
+            return Sent {
+                placed: Placed { point, confidence },
+                goal,
+                normal,
+            };
         }
         let normal = vector::normalised(on_source.cross(face));
         let height = (scale * height).clamp(
@@ -181,15 +191,125 @@ fn placed(
         );
         let goal = vector::add(place, vector::scaled(normal, height));
         let point = lying_alike(given, goal, normal, PULL_BACK.aside * extents[0]);
-        Placed { point, confidence }
+        Sent {
+            placed: Placed { point, confidence },
+            goal,
+            normal,
+        }
     };
-    (0..target.welded.vertices.len())
+    let sent: Vec<Sent> = (0..target.welded.vertices.len())
         .into_par_iter()
         .map(|v| {
             progress.check()?;
             Ok(image(v))
         })
-        .collect()
+        .collect::<Result<_>>()?;
+    let mirrored = map.metrics.is_some_and(|metrics| metrics.orientation < 0.0);
+    kept_together(
+        source,
+        target,
+        sent,
+        mirrored,
+        PULL_BACK.deepest * extents[0],
+    )
+}
+
+/// Where a vertex of the target was placed, and where the map of what was matched put it.
+struct Sent {
+    placed: Placed,
+    goal: Point,
+    /// Of the source's surface there.
+    normal: Point,
+}
+
+/// The images, those of a piece of the target on one piece of the source where nearly all of them can be.
+///
+/// Hair, a beard or a cap over one of two heads would else draw that part of the other's face to itself. A piece goes to that of
+/// the source which has most of its images, if `PULL_BACK.covers` of its vertices come within reach of it. One that carries nearly
+/// all that is seen answers for skin and clothes alike and stays, and small ones go to their counterparts.
+fn kept_together(
+    source: &Figure,
+    target: &Figure,
+    mut sent: Vec<Sent>,
+    mirrored: bool,
+    reach: f64,
+) -> Result<Vec<Placed>> {
+    let (given, own) = (source.given()?, target.given()?);
+    let (piece, count) = components(own);
+    let (source_piece, source_count) = components(given);
+    let theirs = members(given, &source_piece, source_count);
+    let of_face = |face: u32| source_piece[given.triangles[face as usize][0] as usize];
+    let mut seen = vec![0.0; count];
+    for (face, area) in (target.welded.faces.iter()).zip(target.visible.iter().flatten()) {
+        seen[piece[face[0] as usize] as usize] += area;
+    }
+    let all: f64 = seen.iter().sum();
+    let area: f64 = own.vertex_areas().iter().sum();
+    for (piece, seen) in members(own, &piece, count).into_iter().zip(seen) {
+        let mut on: Vec<u32> = (piece.0.iter())
+            .map(|&v| of_face(sent[v as usize].placed.point.face))
+            .collect();
+        on.sort_unstable();
+        let runs = on.chunk_by(|a, b| a == b);
+        let Some(most) = runs.max_by_key(|run| run.len()) else {
+            continue;
+        };
+        let places: Vec<Point> = (piece.0.iter())
+            .map(|&v| own.vertices[v as usize])
+            .collect();
+        let is_small = extent(&places).1 <= COUNTERPARTS.small * area.sqrt();
+        if most.len() == places.len() || is_small || seen >= FIGURE.carries_all * all {
+            continue;
+        }
+        let is_of_it = |face: u32| of_face(face) == most[0];
+        let drawn = |v: &u32| sent[*v as usize].drawn_to(given, is_of_it, reach);
+        let drawn: Vec<Option<SurfacePoint>> = piece.0.par_iter().map(drawn).collect();
+        if (drawn.iter().flatten().count() as f64) < PULL_BACK.covers * places.len() as f64 {
+            continue;
+        }
+        let pairs: Vec<(Point, Point, f64)> = (places.iter().zip(&drawn))
+            .filter_map(|(&place, point)| Some((place, given.position(point.as_ref()?), 1.0)))
+            .collect();
+        for (&v, point) in piece.0.iter().zip(drawn) {
+            let placed = &mut sent[v as usize].placed;
+            placed.point = point.unwrap_or(placed.point);
+        }
+        if most.len() as f64 > COUNTERPARTS.held * places.len() as f64 {
+            continue;
+        }
+        // What was matched of it is more of what lies over it: where both have one shape, that tells more.
+        let there = Similarity::fitted(&pairs, mirrored);
+        let other = (given, theirs[most[0] as usize].clone());
+        let moved = |p| there.apply(p);
+        let laid = laid_by_shape((own, piece.clone()), other, moved, PULL_BACK.like)?;
+        for (&v, point) in piece.0.iter().zip(laid.into_iter().flatten()) {
+            sent[v as usize].placed.point = point;
+        }
+    }
+    Ok(sent.into_iter().map(|sent| sent.placed).collect())
+}
+
+impl Sent {
+    /// Its image where that is on some faces, else the nearest point of these, one where the surface lies alike before others.
+    fn drawn_to(
+        &self,
+        surface: &Surface,
+        faces: impl Fn(u32) -> bool + Copy,
+        reach: f64,
+    ) -> Option<SurfacePoint> {
+        if faces(self.placed.point.face) {
+            return Some(self.placed.point);
+        }
+        let is_alike = |face: u32| faces(face) && lies_alike(surface, face, self.normal);
+        (surface.nearest_within(self.goal, reach, is_alike))
+            .or_else(|| surface.nearest_within(self.goal, reach, faces))
+    }
+}
+
+/// Whether a surface lies alike at a face, whatever its winding.
+fn lies_alike(surface: &Surface, face: u32, normal: Point) -> bool {
+    let cross = surface.cross(face);
+    vector::dot(cross, normal).abs() > PULL_BACK.alike * vector::norm(cross)
 }
 
 /// Nearest point where the surface lies alike, unless another is nearer by more than `aside`.
@@ -200,10 +320,7 @@ pub(super) fn lying_alike(
     aside: f64,
 ) -> SurfacePoint {
     let nearest = surface.nearest(goal);
-    let is_alike = |face: u32| {
-        let cross = surface.cross(face);
-        vector::dot(cross, normal).abs() > PULL_BACK.alike * vector::norm(cross)
-    };
+    let is_alike = |face: u32| lies_alike(surface, face, normal);
     if is_alike(nearest.face) {
         return nearest;
     }

@@ -75,6 +75,10 @@ settings! {
         deepest: f64 = 0.05,
         /// How much farther than the nearest point of all one may lie that lies alike, over the largest extent.
         aside: f64 = 0.03,
+        /// A piece that lies on several of the source goes to the first of them where at least this share of it can.
+        covers: f64 = 0.9,
+        /// Such a piece is laid on that one by its shape where as a counterpart it costs at most this.
+        like: f64 = 0.6,
     }
 
     /// What is worn: a shirt, a hat, hair or teeth on the body that wears them, in their place.

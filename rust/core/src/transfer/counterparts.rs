@@ -75,10 +75,21 @@ impl Piece {
         let cost = offset + COUNTERPARTS.shape * unlike;
         (cost <= COUNTERPARTS.largest_cost).then_some(cost)
     }
+
+    /// Where its vertices come to lie on another piece, on that piece's surface.
+    fn laid_on(&self, other: &Self) -> impl Iterator<Item = SurfacePoint> {
+        self.normalised.vertices.iter().map(|&goal| {
+            let SurfacePoint { face, weights } = other.normalised.nearest(goal);
+            SurfacePoint {
+                face: other.triangles[face as usize],
+                weights,
+            }
+        })
+    }
 }
 
 /// Centre and root mean square radius of some points.
-fn extent(points: &[Point]) -> (Point, f64) {
+pub(crate) fn extent(points: &[Point]) -> (Point, f64) {
     let share = 1.0 / points.len() as f64;
     let centre = vector::mean(points);
     let square = |&p: &Point| {
@@ -94,8 +105,31 @@ fn distance_from(surface: &Surface, other: &Surface) -> f64 {
     surface.vertices.iter().map(off).sum::<f64>() / surface.vertices.len() as f64
 }
 
+/// The vertices of a piece on another surface's piece of a shape like its own, each on the nearest point once both have one
+/// centre and one size; nothing where the other costs more than `most`. Both are given by their vertices and triangles, and
+/// `moved` takes a place to the other surface.
+///
+/// # Errors
+/// None beyond those of [`Surface::new`], which pieces of surfaces satisfy.
+pub(crate) fn laid_by_shape(
+    (surface, own): (&Surface, (Vec<u32>, Vec<u32>)),
+    (other, theirs): (&Surface, (Vec<u32>, Vec<u32>)),
+    moved: impl Fn(Point) -> Point,
+    most: f64,
+) -> Result<Option<Vec<SurfacePoint>>> {
+    let (piece, counterpart) = (
+        Piece::new(surface, own, moved)?,
+        Piece::new(other, theirs, |p| p)?,
+    );
+    let (Some(piece), Some(counterpart)) = (piece, counterpart) else {
+        return Ok(None);
+    };
+    let is_like = piece.cost(&counterpart).is_some_and(|cost| cost <= most);
+    Ok(is_like.then(|| piece.laid_on(&counterpart).collect()))
+}
+
 /// Vertices and triangles of each of `count` pieces, ascending.
-fn members(surface: &Surface, piece: &[u32], count: usize) -> Vec<(Vec<u32>, Vec<u32>)> {
+pub(crate) fn members(surface: &Surface, piece: &[u32], count: usize) -> Vec<(Vec<u32>, Vec<u32>)> {
     let mut members = vec![(Vec::new(), Vec::new()); count];
     for (v, &c) in (0..).zip(piece) {
         members[c as usize].0.push(v);
@@ -130,8 +164,9 @@ fn paired(pieces: &[Piece], others: &[Piece]) -> Vec<Option<usize>> {
 impl SurfaceMap {
     /// The map with the target's loose pieces put onto their counterparts on the source.
     ///
-    /// A piece is held by a source's piece on which more than `share` of its vertices have an image with any confidence, and
-    /// loose where none holds it. Its counterpart is one that holds nothing. Without one it keeps the image it had.
+    /// A piece is held by a source's piece on which more than `share` of its vertices have an image with any confidence, or, where
+    /// it is not small, on which most of them have one; it is loose where none holds it. Its counterpart is one that holds nothing.
+    /// Without one it keeps the image it had.
     ///
     /// # Errors
     /// None beyond those of [`SurfaceMap::new`], which its own parts satisfy.
@@ -170,10 +205,8 @@ impl SurfaceMap {
             let Some(counterpart) = counterpart.map(|d| &others[d]) else {
                 continue;
             };
-            for (&v, &goal) in piece.vertices.iter().zip(&piece.normalised.vertices) {
-                let SurfacePoint { face, weights } = counterpart.normalised.nearest(goal);
-                let face = counterpart.triangles[face as usize];
-                points[v as usize] = SurfacePoint { face, weights };
+            for (&v, point) in piece.vertices.iter().zip(piece.laid_on(counterpart)) {
+                points[v as usize] = point;
                 confidence[v as usize] = COUNTERPARTS.confidence;
             }
         }
@@ -206,9 +239,16 @@ impl SurfaceMap {
                 (*count, *holder) = (same.len(), Some(d));
             }
         }
-        let is_held = |count: usize, all: usize| count as f64 > share * all as f64;
+        let area: f64 = self.target.vertex_areas().iter().sum();
+        let is_held = |count: usize, own: &[u32]| {
+            let places: Vec<Point> = (own.iter())
+                .map(|&v| self.target.vertices[v as usize])
+                .collect();
+            count as f64 > share * own.len() as f64
+                || extent(&places).1 > COUNTERPARTS.small * area.sqrt()
+        };
         (most.into_iter().zip(members))
-            .map(|((count, holder), (own, _))| holder.filter(|_| is_held(count, own.len())))
+            .map(|((count, holder), (own, _))| holder.filter(|_| is_held(count, own)))
             .collect()
     }
 
@@ -239,12 +279,12 @@ mod tests {
     use super::*;
     use crate::testing::{RINGS, torus_mesh};
 
-    /// A ring, and two small ones beside it.
-    fn rings() -> (Vec<Point>, Vec<[i64; 3]>) {
+    /// A ring, and two of such a size beside it.
+    fn rings(size: f64) -> (Vec<Point>, Vec<[i64; 3]>) {
         let (ring, triangles) = torus_mesh(RINGS, &[], 0.0);
         let side = 2.0 * vector::extent(&ring);
         let (mut vertices, mut faces) = (Vec::new(), Vec::new());
-        for (scale, x) in [(1.0, 0.0), (0.1, side), (0.1, -side)] {
+        for (scale, x) in [(1.0, 0.0), (size, side), (size, -side)] {
             let first = vertices.len() as i64;
             let placed = |&p: &Point| vector::add(vector::scaled(p, scale), [x, 0.0, 0.0]);
             vertices.extend(ring.iter().map(placed));
@@ -254,8 +294,8 @@ mod tests {
     }
 
     /// A map of these rings to themselves, but for the second: a part of it lies on the first, the rest on the third.
-    fn scattered(on_the_first: f64) -> SurfaceMap {
-        let (vertices, faces) = rings();
+    fn scattered(size: f64, on_the_first: f64) -> SurfaceMap {
+        let (vertices, faces) = rings(size);
         let n = vertices.len() / 3;
         let corner = |v: usize| {
             let t = faces.iter().position(|t| t.contains(&(v as i64)));
@@ -275,6 +315,9 @@ mod tests {
         SurfaceMap::new(surface(), surface(), &images, &weights, sure).expect("a sound map")
     }
 
+    /// Of a ring whose radius is 0.02 of the root of all areas.
+    const SMALL: f64 = 0.05;
+
     fn off(map: &SurfaceMap) -> f64 {
         let offs =
             (map.target.vertices.iter().zip(map.images())).map(|(&a, &b)| vector::distance(a, b));
@@ -284,11 +327,11 @@ mod tests {
     #[test]
     fn a_piece_that_is_scattered_goes_as_a_whole_to_its_counterpart() {
         // The third is held by itself, so that the second is what is left.
-        let put = scattered(0.5).on_counterparts(0.6).expect("a map");
+        let put = scattered(SMALL, 0.5).on_counterparts(0.6).expect("a map");
         assert!(off(&put) < 1e-9);
-        // What is held by one piece keeps its images, be it half of it.
-        for (on_the_first, share) in [(0.5, 0.0), (0.9, 0.6)] {
-            let kept = scattered(on_the_first);
+        // What is held by one piece keeps its images, be it half of it, and so does what is large.
+        for (size, on_the_first, share) in [(SMALL, 0.5, 0.0), (SMALL, 0.9, 0.6), (0.5, 0.5, 0.6)] {
+            let kept = scattered(size, on_the_first);
             let images = kept.images().to_vec();
             let kept = kept.on_counterparts(share).expect("a map");
             assert_eq!(kept.images(), &images[..]);

@@ -184,6 +184,9 @@ settings! {
         /// A piece of a figure is held where more than this share of its vertices lies on one piece: from 0.5 on lids, eyes
         /// and mouths that take part in an envelope go to their own, from 0.7 on brows too, of which 0.65 lie on the head.
         held: f64 = 0.7,
+        /// Root mean square radius, in roots of the target's area, up to which a piece that is held by none goes to its
+        /// counterpart as a whole: a head, a coat or hair is scattered because the other figure is made of other pieces.
+        small: f64 = 0.03,
         /// Centres of counterparts, brought together by the body around, are at most this many radii apart.
         largest_offset: f64 = 1.5,
         /// Nor may one be this much larger than the other.
