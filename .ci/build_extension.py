@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Build the extension: addon/ and the core's wheel as dist/spectral_match-VERSION-PLATFORM.zip.
 
-    python .ci/build_extension.py [--wheel FILE.whl] [--output-dir dist] [--website URL]
+    python .ci/build_extension.py [--wheel FILE.whl] [--profile release] [--output-dir dist] [--website URL]
 
-Without --wheel the core is built by maturin. The website, or else $SPECTRAL_MATCH_WEBSITE, is where the
-manual is published; Blender then links to it. Needs no Blender; its `extension validate` accepts the result.
-The zip depends on the files alone, not on time or folder.
+Without --wheel the core is built by maturin, with a profile of Cargo.toml. The website, or else
+$SPECTRAL_MATCH_WEBSITE, is where the manual is published; Blender then links to it. Needs no Blender; its
+`extension validate` accepts the result. The zip depends on the files alone, not on time or folder.
 """
 
 import argparse
@@ -44,7 +44,7 @@ def platform_of(wheel):
     return PLATFORMS[tag]
 
 
-def build_wheel(folder):
+def build_wheel(folder, profile):
     """Build the core with maturin and return the wheel; of several in the folder, the newest."""
     maturin = Path(sys.executable).with_name("maturin")
     program = str(maturin) if maturin.exists() else "maturin"
@@ -53,7 +53,7 @@ def build_wheel(folder):
     if not shutil.which("cargo", path=environment["PATH"]):
         raise SystemExit("Please install Rust first (https://rustup.rs): the wheel is built from it")
     subprocess.run(
-        [program, "build", "--release", "--out", str(folder)],
+        [program, "build", "--profile", profile, "--out", str(folder)],
         cwd=ROOT,
         env=environment,
         check=True,
@@ -108,10 +108,11 @@ def main():
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--wheel", type=Path, help="use this wheel instead of building one")
+    parser.add_argument("--profile", default="release", help="with which the core is built")
     parser.add_argument("--output-dir", type=Path, default=ROOT / "dist")
     parser.add_argument("--website", default=os.environ.get("SPECTRAL_MATCH_WEBSITE"), metavar="URL")
     options = parser.parse_args()
-    wheel = options.wheel or build_wheel(ROOT / "dist")
+    wheel = options.wheel or build_wheel(ROOT / "dist", options.profile)
     print(build(wheel.resolve(), options.output_dir, options.website))
 
 
