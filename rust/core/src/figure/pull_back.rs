@@ -15,7 +15,7 @@ use crate::error::Result;
 use crate::figure::settings::{FIGURE, PULL_BACK};
 use crate::matching::Correspondence;
 use crate::mesh::surface_point::SurfacePoint;
-use crate::transfer::counterparts::{extent, laid_by_shape, members};
+use crate::transfer::counterparts::{extent, laid_by_shape, largest_small, members};
 use crate::transfer::parts::components;
 use crate::transfer::settings::COUNTERPARTS;
 use crate::transfer::surface::blend;
@@ -171,19 +171,6 @@ fn placed(
             confidence = 0.0;
         }
         let face = map.faces[nearest];
-        if !source.is_wrapped() && !target.is_wrapped() {
-            let point = SurfacePoint {
-                face,
-                weights: map.barycentric[nearest],
-            };
-            let goal = given.position(&point);
-            let normal = vector::normalised(given.cross(face));
-            return Sent {
-                placed: Placed { point, confidence },
-                goal,
-                normal,
-            };
-        }
         let normal = vector::normalised(on_source.cross(face));
         let height = (scale * height).clamp(
             -PULL_BACK.deepest * extents[0],
@@ -244,7 +231,7 @@ fn kept_together(
         seen[piece[face[0] as usize] as usize] += area;
     }
     let all: f64 = seen.iter().sum();
-    let area: f64 = own.vertex_areas().iter().sum();
+    let small = largest_small(own);
     for (piece, seen) in members(own, &piece, count).into_iter().zip(seen) {
         let mut on: Vec<u32> = (piece.0.iter())
             .map(|&v| of_face(sent[v as usize].placed.point.face))
@@ -254,10 +241,8 @@ fn kept_together(
         let Some(most) = runs.max_by_key(|run| run.len()) else {
             continue;
         };
-        let places: Vec<Point> = (piece.0.iter())
-            .map(|&v| own.vertices[v as usize])
-            .collect();
-        let is_small = extent(&places).1 <= COUNTERPARTS.small * area.sqrt();
+        let places = own.places(&piece.0);
+        let is_small = extent(&places).1 <= small;
         if most.len() == places.len() || is_small || seen >= FIGURE.carries_all * all {
             continue;
         }
@@ -279,9 +264,9 @@ fn kept_together(
         }
         // What was matched of it is more of what lies over it: where both have one shape, that tells more.
         let there = Similarity::fitted(&pairs, mirrored);
-        let other = (given, theirs[most[0] as usize].clone());
+        let other = (given, &theirs[most[0] as usize]);
         let moved = |p| there.apply(p);
-        let laid = laid_by_shape((own, piece.clone()), other, moved, PULL_BACK.like)?;
+        let laid = laid_by_shape((own, &piece), other, moved, PULL_BACK.like)?;
         for (&v, point) in piece.0.iter().zip(laid.into_iter().flatten()) {
             sent[v as usize].placed.point = point;
         }

@@ -49,11 +49,7 @@ struct Contact {
 pub fn kept(map: &SurfaceMap, offsets: &[Point], carried: Vec<Point>) -> Result<Vec<Point>> {
     check_rows("offsets", offsets.len(), map.source.vertices.len())?;
     check_rows("carried", carried.len(), map.target.vertices.len())?;
-    let Joined {
-        surface,
-        class,
-        first,
-    } = map.joined();
+    let (surface, Joined { class, first, .. }) = map.joined();
     let mut contacts = contacts(map, offsets, &carried);
     // Of vertices at one place, all of which move alike, the first speaks.
     contacts.retain_mut(|contact| {
@@ -205,9 +201,7 @@ fn corrections(target: &Surface, contacts: &[Contact], moves: &[bool]) -> Result
             }));
         }
     }
-    let rest: Vec<Point> = (vertices.iter())
-        .map(|&v| target.vertices[v as usize])
-        .collect();
+    let rest = target.places(&vertices);
     let edges = EdgeWeights::new(&rest, &triangles);
     let mut areas = vec![0.0; rest.len()];
     for corners in &triangles {

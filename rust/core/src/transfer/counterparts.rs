@@ -18,11 +18,14 @@ use crate::transfer::settings::COUNTERPARTS;
 use crate::transfer::surface::Surface;
 use crate::transfer::surface_map::SurfaceMap;
 
+/// Vertices and triangles of a piece on its surface, ascending.
+pub(crate) type Members = (Vec<u32>, Vec<u32>);
+
 /// A connected piece of a surface.
-struct Piece {
+struct Piece<'a> {
     /// Its vertices and triangles on the surface.
-    vertices: Vec<u32>,
-    triangles: Vec<u32>,
+    vertices: &'a [u32],
+    triangles: &'a [u32],
     centre: Point,
     /// Root mean square distance of the vertices from the centre.
     radius: f64,
@@ -30,11 +33,11 @@ struct Piece {
     normalised: Surface,
 }
 
-impl Piece {
+impl<'a> Piece<'a> {
     /// A piece whose vertices are moved; nothing where they are at one place.
     fn new(
         surface: &Surface,
-        (vertices, triangles): (Vec<u32>, Vec<u32>),
+        (vertices, triangles): &'a Members,
         moved: impl Fn(Point) -> Point,
     ) -> Result<Option<Self>> {
         let places: Vec<Point> = (vertices.iter())
@@ -99,6 +102,12 @@ pub(crate) fn extent(points: &[Point]) -> (Point, f64) {
     (centre, points.iter().map(square).sum::<f64>().sqrt())
 }
 
+/// The largest radius of a piece that is small beside its surface.
+pub(crate) fn largest_small(surface: &Surface) -> f64 {
+    let area: f64 = surface.vertex_areas().iter().sum();
+    COUNTERPARTS.small * area.sqrt()
+}
+
 /// Mean distance of a surface's vertices from another.
 fn distance_from(surface: &Surface, other: &Surface) -> f64 {
     let off = |&p: &Point| vector::distance(p, other.position(&other.nearest(p)));
@@ -112,8 +121,8 @@ fn distance_from(surface: &Surface, other: &Surface) -> f64 {
 /// # Errors
 /// None beyond those of [`Surface::new`], which pieces of surfaces satisfy.
 pub(crate) fn laid_by_shape(
-    (surface, own): (&Surface, (Vec<u32>, Vec<u32>)),
-    (other, theirs): (&Surface, (Vec<u32>, Vec<u32>)),
+    (surface, own): (&Surface, &Members),
+    (other, theirs): (&Surface, &Members),
     moved: impl Fn(Point) -> Point,
     most: f64,
 ) -> Result<Option<Vec<SurfacePoint>>> {
@@ -128,8 +137,8 @@ pub(crate) fn laid_by_shape(
     Ok(is_like.then(|| piece.laid_on(&counterpart).collect()))
 }
 
-/// Vertices and triangles of each of `count` pieces, ascending.
-pub(crate) fn members(surface: &Surface, piece: &[u32], count: usize) -> Vec<(Vec<u32>, Vec<u32>)> {
+/// The members of each of `count` pieces.
+pub(crate) fn members(surface: &Surface, piece: &[u32], count: usize) -> Vec<Members> {
     let mut members = vec![(Vec::new(), Vec::new()); count];
     for (v, &c) in (0..).zip(piece) {
         members[c as usize].0.push(v);
@@ -186,7 +195,7 @@ impl SurfaceMap {
             .filter(|&v| holder[piece[v] as usize].is_some())
             .collect();
         let mut pieces = Vec::new();
-        for (own, holder) in own.into_iter().zip(holder) {
+        for (own, holder) in own.iter().zip(holder) {
             if holder.is_none() && !own.1.is_empty() {
                 let there = self.surroundings(&own.0, &around);
                 pieces.extend(Piece::new(&self.target, own, |p| there.apply(p))?);
@@ -194,7 +203,7 @@ impl SurfaceMap {
         }
         let mut others = Vec::new();
         let theirs = members(&self.source, &source_piece, source_count);
-        for (own, holds) in theirs.into_iter().zip(holds) {
+        for (own, holds) in theirs.iter().zip(holds) {
             if !holds {
                 others.extend(Piece::new(&self.source, own, |p| p)?);
             }
@@ -219,7 +228,7 @@ impl SurfaceMap {
     fn holders(
         &self,
         piece: &[u32],
-        members: &[(Vec<u32>, Vec<u32>)],
+        members: &[Members],
         source_piece: &[u32],
         share: f64,
     ) -> Vec<Option<u32>> {
@@ -239,13 +248,9 @@ impl SurfaceMap {
                 (*count, *holder) = (same.len(), Some(d));
             }
         }
-        let area: f64 = self.target.vertex_areas().iter().sum();
+        let small = largest_small(&self.target);
         let is_held = |count: usize, own: &[u32]| {
-            let places: Vec<Point> = (own.iter())
-                .map(|&v| self.target.vertices[v as usize])
-                .collect();
-            count as f64 > share * own.len() as f64
-                || extent(&places).1 > COUNTERPARTS.small * area.sqrt()
+            count as f64 > share * own.len() as f64 || extent(&self.target.places(own)).1 > small
         };
         (most.into_iter().zip(members))
             .map(|((count, holder), (own, _))| holder.filter(|_| is_held(count, own)))
@@ -254,8 +259,7 @@ impl SurfaceMap {
 
     /// The similarity from target to source of some vertices, those near a piece above all.
     fn surroundings(&self, piece: &[u32], around: &[usize]) -> Similarity {
-        let place = |&v: &u32| self.target.vertices[v as usize];
-        let (centre, radius) = extent(&piece.iter().map(place).collect::<Vec<_>>());
+        let (centre, radius) = extent(&self.target.places(piece));
         let near = (around.iter())
             .map(|&v| vector::distance(self.target.vertices[v], centre))
             .fold(f64::INFINITY, f64::min);

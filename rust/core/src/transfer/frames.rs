@@ -40,7 +40,7 @@ impl SurfaceMap {
         self.frames.get_or_init(|| {
             let frames = frames(&Mapped::of(self));
             let of = |&class: &u32| frames[class as usize];
-            self.joined().class.iter().map(of).collect()
+            self.joined().1.class.iter().map(of).collect()
         })
     }
 
@@ -61,7 +61,7 @@ struct Mapped<'a> {
 
 impl<'a> Mapped<'a> {
     fn of(map: &'a SurfaceMap) -> Self {
-        let Joined { surface, first, .. } = map.joined();
+        let (surface, Joined { first, .. }) = map.joined();
         let normals = map.source.vertex_normals();
         let normal = |&v: &u32| {
             let point = &map.points[v as usize];

@@ -103,6 +103,12 @@ impl Surface {
         })
     }
 
+    /// Positions of some vertices.
+    pub(crate) fn places(&self, vertices: &[u32]) -> Vec<Point> {
+        let place = |&v: &u32| self.vertices[v as usize];
+        vertices.iter().map(place).collect()
+    }
+
     /// Corner positions of a triangle.
     #[must_use]
     pub fn corners(&self, triangle: u32) -> [Point; 3] {

@@ -27,13 +27,14 @@ pub struct SurfaceMap {
     pub(super) frames: OnceLock<Vec<Frame>>,
 }
 
-/// The target with vertices at one place made one, as they were before an exporter split them at seams.
+/// Which of the target's vertices are one, being at one place, as they were before an exporter split them at seams.
 #[derive(Debug)]
 pub(super) struct Joined {
-    pub surface: Surface,
-    /// Vertex of this surface for each of the target's.
+    /// The target with these made one; nothing where each is alone.
+    surface: Option<Surface>,
+    /// Vertex of that surface for each of the target's.
     pub class: Vec<u32>,
-    /// The first of the target's vertices for each of this surface.
+    /// The first of the target's vertices for each of that surface.
     pub first: Vec<u32>,
 }
 
@@ -42,25 +43,25 @@ impl Joined {
         let welded = Welded::of(&target.vertices, &target.triangles)
             .expect("corners of a surface are among its vertices");
         // Where all lies at one place, no triangle is left.
-        let is_surface = !welded.faces.is_empty();
-        let Welded {
-            vertices,
-            faces,
-            class,
-            ..
-        } = if is_surface {
-            welded
-        } else {
-            Welded::unchanged(&target.vertices, &target.triangles)
-        };
-        let mut first = vec![0; vertices.len()];
-        for (v, &c) in class.iter().enumerate().rev() {
+        if !welded.has_joined() || welded.faces.is_empty() {
+            let own: Vec<u32> = (0..target.vertices.len() as u32).collect();
+            return Self {
+                surface: None,
+                class: own.clone(),
+                first: own,
+            };
+        }
+        let mut first = vec![0; welded.vertices.len()];
+        for (v, &c) in welded.class.iter().enumerate().rev() {
             first[c as usize] = v as u32;
         }
-        let faces: Vec<[i64; 3]> = faces.iter().map(|corners| corners.map(i64::from)).collect();
+        let faces: Vec<[i64; 3]> = (welded.faces.iter())
+            .map(|corners| corners.map(i64::from))
+            .collect();
+        let surface = Surface::new(welded.vertices, &faces).expect("it is a part of a surface");
         Self {
-            surface: Surface::new(vertices, &faces).expect("it is a part of a surface"),
-            class,
+            surface: Some(surface),
+            class: welded.class,
             first,
         }
     }
@@ -134,9 +135,10 @@ impl SurfaceMap {
         &self.images
     }
 
-    /// The target with vertices at one place made one.
-    pub(super) fn joined(&self) -> &Joined {
-        self.joined.get_or_init(|| Joined::of(&self.target))
+    /// The target with vertices at one place made one, and which they are.
+    pub(super) fn joined(&self) -> (&Surface, &Joined) {
+        let joined = self.joined.get_or_init(|| Joined::of(&self.target));
+        (joined.surface.as_ref().unwrap_or(&self.target), joined)
     }
 }
 
