@@ -130,6 +130,11 @@ TABLE = (
     ),
     ("The bodies have different proportions", "体の比率が異なります", "身体比例不同"),
     (
+        "The bodies differ, but all signs together say it is right",
+        "体形は異なりますが、全体として正しい結果です",
+        "体形有差异,但综合来看是正确的",
+    ),
+    (
         "Limbs may have grown together where they touch",
         "触れている手足がつながった可能性があります",
         "相接触的肢体可能粘连",

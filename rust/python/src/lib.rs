@@ -340,7 +340,7 @@ impl RawMatch {
         dict.set_item("grade", grade.name())?;
         dict.set_item("reasons", reasons)?;
         if let Some(metrics) = &self.map().metrics {
-            dict.set_item("score", quality::score(metrics))?;
+            dict.set_item("score", quality::score(metrics, self.map().coverage))?;
             let Metrics {
                 orientation,
                 local_distortion,

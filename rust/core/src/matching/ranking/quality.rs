@@ -2,7 +2,7 @@
 
 use crate::matching::problem::pair::Coverage;
 use crate::matching::ranking::Metrics;
-use crate::matching::ranking::settings::QUALITY;
+use crate::matching::ranking::settings::{EVIDENCE, METRICS, QUALITY};
 use crate::mesh::IntakeReport;
 
 /// How far a map can be trusted as a whole.
@@ -71,19 +71,24 @@ pub fn isometric(metrics: &Metrics) -> bool {
     metrics.orientation > QUALITY.clear.0 && metrics.local_distortion < QUALITY.isometric
 }
 
-/// How likely a map is right, in [0, 1]: curvatures agree at matched points, no other map fits
-/// nearly as well, and, for an alternative, the chosen map says about the same. Where distances do not
-/// [tell](incomparable), no map is clear.
+/// How likely a map is right, in [0, 1]: 1/(1 + e⁻ᶻ) of the chosen one, z = β₀ + β·(agreement of curvatures, orientation, log of
+/// the change of short distances, how clearly no other map fits as well, whether it tears the surface), fitted to maps that are
+/// known to be right or wrong; of an alternative less, the farther it lies from the chosen one.
 #[must_use]
-pub fn score(metrics: &Metrics) -> f64 {
-    let clarity = if incomparable(metrics) {
-        QUALITY.least_clarity
-    } else {
-        (metrics.margin - QUALITY.margin.0) / (QUALITY.margin.1 - QUALITY.margin.0)
-    };
-    metrics.agreement.max(0.0)
-        * clarity.clamp(QUALITY.least_clarity, 1.0)
-        * (-(metrics.apart / QUALITY.reach).powi(2)).exp()
+pub fn score(metrics: &Metrics, coverage: Coverage) -> f64 {
+    let clarity = (metrics.margin - QUALITY.margin.0) / (QUALITY.margin.1 - QUALITY.margin.0);
+    let evidence = EVIDENCE.constant
+        + EVIDENCE.agreement * metrics.agreement
+        + EVIDENCE.orientation * metrics.orientation
+        + EVIDENCE.distortion * (metrics.local_distortion + METRICS.distortion_noise).ln()
+        + EVIDENCE.clarity * clarity.clamp(0.0, 1.0)
+        + EVIDENCE.torn * f64::from(u8::from(tears(metrics, coverage)));
+    (-(metrics.apart / QUALITY.reach).powi(2)).exp() / (1.0 + (-evidence).exp())
+}
+
+/// Whether a map tears the surface where it should not: what a part lacks of the target goes to one rim or another of it.
+fn tears(metrics: &Metrics, coverage: Coverage) -> bool {
+    metrics.torn > 0.0 && coverage != Coverage::SOURCE_IS_PART
 }
 
 /// What was left out of a shape, in words, if anything was: the match is of one connected part.
@@ -111,15 +116,48 @@ pub fn ungraded() -> (Grade, Vec<String>) {
 /// Grade and reasons of a map by its metrics.
 #[must_use]
 pub fn graded(metrics: &Metrics, coverage: Coverage) -> (Grade, Vec<String>) {
-    let score = score(metrics);
-    let o = metrics.orientation;
-    let d = 100.0 * metrics.local_distortion;
+    let score = score(metrics, coverage);
+    // A part is asked half as many questions, but looks like what it is a part of.
+    let unlike_part = coverage != Coverage::BOTH && metrics.agreement < QUALITY.looks_alike;
+    let is_beaten = metrics.margin < QUALITY.margin.0;
+    let grade = if score < QUALITY.score.0 || is_beaten || incomparable(metrics) {
+        Grade::Red
+    } else if score < QUALITY.score.1
+        || metrics.margin < QUALITY.least_margin
+        || unlike_part
+        || tears(metrics, coverage)
+        || metrics.mirrored_gain > QUALITY.mirrored_gain
+    {
+        Grade::Amber
+    } else {
+        Grade::Green
+    };
     let mut reasons: Vec<String> = Vec::new();
     if coverage == Coverage::TARGET_IS_PART {
         reasons.push("the target looks like a part of the source".into());
     } else if coverage == Coverage::SOURCE_IS_PART {
         reasons.push("the source looks like a part of the target".into());
     }
+    let doubts = doubts(metrics, coverage);
+    if grade == Grade::Green && !doubts.is_empty() {
+        reasons.push(format!(
+            "the bodies differ, but all that was compared says together that the map is right ({:.0} %)",
+            100.0 * score
+        ));
+    } else {
+        reasons.extend(doubts);
+    }
+    if reasons.is_empty() {
+        reasons.push("distances, curvatures and orientation agree".into());
+    }
+    (grade, reasons)
+}
+
+/// What speaks against a map, each metric by itself.
+fn doubts(metrics: &Metrics, coverage: Coverage) -> Vec<String> {
+    let o = metrics.orientation;
+    let d = 100.0 * metrics.local_distortion;
+    let mut reasons: Vec<String> = Vec::new();
     if metrics.mirrored_gain > QUALITY.mirrored_gain {
         reasons
             .push("one shape looks like a mirror image of the other: allow mirrored maps".into());
@@ -153,31 +191,12 @@ pub fn graded(metrics: &Metrics, coverage: Coverage) -> (Grade, Vec<String>) {
             "distances change by {d:.1} % of √area: the bodies differ"
         ));
     }
-    // What a part lacks of the target goes to one rim or another of it.
-    let torn = metrics.torn > 0.0 && coverage != Coverage::SOURCE_IS_PART;
-    if torn {
+    if tears(metrics, coverage) {
         reasons.push(
             "neighbours on the target go to places far apart: limbs may have grown together where they touch".into(),
         );
     }
-    // A part is asked half as many questions, but looks like what it is a part of.
-    let unlike_part = coverage != Coverage::BOTH && metrics.agreement < QUALITY.looks_alike;
-    let grade = if score < QUALITY.score.0 {
-        Grade::Red
-    } else if score < QUALITY.score.1
-        || unlike_part
-        || torn
-        || doubtful(metrics)
-        || metrics.mirrored_gain > QUALITY.mirrored_gain
-    {
-        Grade::Amber
-    } else {
-        Grade::Green
-    };
-    if reasons.is_empty() {
-        reasons.push("distances, curvatures and orientation agree".into());
-    }
-    (grade, reasons)
+    reasons
 }
 
 #[cfg(test)]
@@ -197,7 +216,7 @@ mod tests {
     #[test]
     fn a_part_that_looks_like_another_body_is_not_green() {
         let unlike = Metrics {
-            agreement: f64::midpoint(QUALITY.score.1, QUALITY.looks_alike),
+            agreement: 0.99 * QUALITY.looks_alike,
             ..good()
         };
         let grades = [
@@ -217,6 +236,48 @@ mod tests {
             ..good()
         };
         assert_eq!(graded(&beyond, Coverage::BOTH).0, Grade::Red);
+    }
+
+    #[test]
+    fn a_map_that_another_one_equals_is_not_green_whatever_else_agrees() {
+        let best = Metrics {
+            agreement: 1.0,
+            orientation: 1.0,
+            local_distortion: 0.0,
+            ..good()
+        };
+        let rivalled = Metrics {
+            margin: 0.99 * QUALITY.least_margin,
+            ..best
+        };
+        let beaten = Metrics {
+            margin: 0.99 * QUALITY.margin.0,
+            ..best
+        };
+        let grades = [best, rivalled, beaten].map(|metrics| graded(&metrics, Coverage::BOTH).0);
+        assert_eq!(grades, [Grade::Green, Grade::Amber, Grade::Red]);
+    }
+
+    #[test]
+    fn what_is_doubtful_by_itself_is_no_doubt_where_all_the_rest_agrees() {
+        let turned_in_places = Metrics {
+            orientation: 0.99 * QUALITY.orientation.0,
+            ..good()
+        };
+        let (grade, reasons) = graded(&turned_in_places, Coverage::BOTH);
+        assert_eq!(grade, Grade::Green);
+        assert!(
+            matches!(&reasons[..], [all] if all.contains("says together")),
+            "{reasons:?}"
+        );
+        let less = Metrics {
+            agreement: 0.5,
+            local_distortion: 0.06,
+            ..turned_in_places
+        };
+        let (grade, reasons) = graded(&less, Coverage::BOTH);
+        assert_eq!(grade, Grade::Amber);
+        assert_eq!(reasons.len(), 3, "{reasons:?}");
     }
 
     #[test]

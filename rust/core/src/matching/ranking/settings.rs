@@ -44,6 +44,22 @@ settings! {
         margin_at_most: f64 = 2.0,
     }
 
+    /// How likely a map is right: coefficients of a logistic regression (docs/decisions/076).
+    EVIDENCE: Evidence {
+        /// Of nothing else.
+        constant: f64 = -7.7,
+        /// Of the agreement of curvatures.
+        agreement: f64 = 4.9,
+        /// Of the orientation.
+        orientation: f64 = 0.9,
+        /// Of the logarithm of the mean change of short distances.
+        distortion: f64 = -1.9,
+        /// Of how clearly no other map fits as well, 0 to 1.
+        clarity: f64 = 1.6,
+        /// Where the map tears the surface.
+        torn: f64 = -1.8,
+    }
+
     /// A grade for a whole map, with its reasons in words.
     QUALITY: Quality {
         /// Orientation below which a map is doubtful, and from which it is clearly direct.
@@ -59,13 +75,13 @@ settings! {
         /// Mean change of short distances below which the second way of the refinement brings nothing: 55 such pairs
         /// have the same errors without it, 18 between 0.021 and 0.025 four per cent larger ones.
         isometric: f64 = 0.021,
-        /// Score below which a map is graded red, and from which it may be green: of 495 maps 67 of 98 below 0.2 are
-        /// wrong, 8 of 80 between 0.2 and 0.5, and none of 317 above.
-        score: (f64, f64) = (0.2, 0.55),
+        /// Score below which a map is graded red, as it is then more likely wrong than right, and from which it may be
+        /// green: of 250 maps that the coefficients were fitted to none of 77 wrong ones has more than 0.935.
+        score: (f64, f64) = (0.5, 0.95),
+        /// Least margin of a green map: a body turned front to back may say all else as well as the right one.
+        least_margin: f64 = 1.1,
         /// Margin at which another map is clearly better than the chosen one, and from which it is no rival.
         margin: (f64, f64) = (0.85, 1.35),
-        /// What the closest rival leaves of the score at least.
-        least_clarity: f64 = 0.15,
         /// Distance from the chosen map at which an alternative's score falls to 1/e.
         reach: f64 = 0.07,
         /// Agreement of curvatures from which shapes may be poses of one body: these have 0.7 to 0.9, other bodies
