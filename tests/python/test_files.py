@@ -15,7 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from sgmds import MeshError, NotEnoughMemory, _core, files, memory
+from sgmds import MeshError, NotEnoughMemory, Shape, _core, files, memory
 from sgmds.cli import main
 from sgmds.files import read_mesh, source
 
@@ -421,6 +421,8 @@ BROKEN_GLB = {
     ),
     "turned by nothing": (_set(("nodes", 0, "rotation"), [0, 0, 0, 0]), "rotation of no length"),
     "moved by a word": (_set(("nodes", 0, "translation"), ["far", 0, 0]), "no sound translation"),
+    "children of a number": (_set(("nodes", 0, "children"), 5), "it is damaged .TypeError"),
+    "no primitive": (_set(PRIMITIVE, "x"), "it is damaged .AttributeError"),
 }
 
 
@@ -431,6 +433,47 @@ def test_a_broken_glb_is_refused_with_its_cause(tmp_path, name):
     with pytest.raises(MeshError, match=reason) as caught:
         read_mesh(path)
     assert str(path) in str(caught.value)
+
+
+def test_rows_and_joints_below_zero_are_no_rows_from_behind(tmp_path, square):
+    rows = square.accessor(np.array([-1, 0, 1], "<i1"), "SCALAR")
+    values = square.accessor(SQUARE4[1:], "VEC3")
+    views = [square.header["accessors"][k]["bufferView"] for k in (rows, values)]
+    indices = {"bufferView": views[0], "componentType": 5120}
+    square.header["accessors"][0]["sparse"] = {
+        "count": 3,
+        "indices": indices,
+        "values": {"bufferView": views[1]},
+    }
+    with pytest.raises(MeshError, match="sparse rows out of order"):
+        read_mesh(written(tmp_path, square))
+    glb = skinned([[1, 0, 0, 0]] * 4, [[1, 0, 0, 0]] * 4, (0, 0, 3))
+    joints = glb.header["accessors"][glb.header["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"]]
+    joints["componentType"] = Glb.KINDS["i1"]
+    glb.body = glb.body.replace(b"\1\0\0\0" * 4, b"\xff\0\0\0" * 4, 1)
+    with pytest.raises(MeshError, match="joints -1…-1 of 2"):
+        read_mesh(written(tmp_path, glb))
+
+
+@pytest.mark.filterwarnings("error")
+def test_numbers_beyond_all_range_are_told_of_by_the_shape_alone(tmp_path, square):
+    """Not by numpy on standard error too."""
+    square.header["nodes"] = [{"children": [1], "scale": [1e308] * 3}, {"mesh": 0, "scale": [1e308] * 3}]
+    vertices, faces = read_mesh(written(tmp_path, square))
+    with pytest.raises(MeshError, match="vertex"):
+        Shape(vertices, faces)
+    path = tmp_path / "corners.stl"
+    # Bits of a number that is none, and of which a processor tells.
+    path.write_bytes(bytes(80) + struct.pack("<I", 1) + bytes(12) + b"\1\0\x80\x7f" * 9 + bytes(2))
+    assert np.isnan(read_mesh(path)[0]).all()
+
+
+def test_a_description_that_is_no_json_is_called_so(tmp_path):
+    for text in (b'{"a": "\xff\xfe"}', b'{"a":' + b"9" * 5000 + b"}", b"{} {}", b""):
+        text += b" " * (-len(text) % 4)
+        data = struct.pack("<4sIII4s", b"glTF", 2, 20 + len(text), len(text), b"JSON") + text
+        with pytest.raises(MeshError, match="the description of its scene is damaged: "):
+            read_mesh(written(tmp_path, data))
 
 
 def test_a_glb_that_is_cut_short_or_nested_too_deeply(tmp_path, square):
@@ -513,9 +556,18 @@ def test_strips_of_a_ply(tmp_path):
         ),
         ("a.obj", b"v 0 0 0\nf 1 1 99999999999999999999\n", "line 2 .*too large"),
         ("a.off", b"OFF\n-3 -1 0\n0 0 0\n", "announces -3 vertices"),
+        ("a.off", b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n-3 0 1 2\n", "1 faces, 0 are there"),
+        ("a.off", b"OFF\n1 1 0\n0 0 0\n3 0 0 99999999999999999999\n", "damaged .OverflowError"),
+        ("a.obj", "v 0 0 0\nf 1 1 1\n".encode("utf-16"), "should be text and has bytes of zero"),
+        ("a.obj.gz", gzip.compress(gzip.compress(b"v 0 0 0\nf 1 1 1\n", mtime=0)), "should be text"),
         ("a.off", b"OFF\n99999999999 9 0\n0 0 0\n", "announces 99999999999 vertices, 1 are there"),
         ("a.stl", bytes(80) + struct.pack("<I", 7) + bytes(130), "announces 7 triangles, 2 are there"),
         ("a.stl", bytes(30), "0 are there; it may be cut short"),
+        (
+            "a.stl",
+            b"solid".ljust(80) + struct.pack("<I", 7) + bytes(130),
+            "announces 7 triangles, 2 are there",
+        ),
         ("a.stl", b"solid a\nfacet\nouter loop\nvertex 0 0 0\nvertex 1 0 0\n", "does not end with endsolid"),
         ("a.stl", b"solid a\nfacet\nouter loop\nvertex 0 0 0\nendloop\n", "line 5 ends a facet of 1 corners"),
         ("a.stl", b"solid a\nvertex 0 0 x\n", "line 2 is not understood"),
@@ -523,6 +575,8 @@ def test_strips_of_a_ply(tmp_path):
         ("a.ply", ply("ascii", 1).encode() + b"0 " * 15 + b"-3 0 1 2", "has a list of -3"),
         ("a.ply", ply("ascii", 1).encode() + b"0 " * 15 + b"nan 0 1 2", "has a list of nan"),
         ("a.ply", ply("strange", 1).encode(), "its format is 'strange'"),
+        ("a.ply", ply("ascii", 1).replace("indices", "numbers").encode() + b"0 " * 19, "no list 'vertex_ind"),
+        ("a.ply", ply("ascii", 1, "element face 1\n").encode(), "element face twice"),
         ("a.ply", ply("ascii", 1, "property text t\n").encode(), "of kind 'text'"),
         ("a.ply", b"ply\n", "no whole header"),
         ("a.ply", b"ply\n" + b"comment\n" * 2**17, "header does not end within 1,048,576 bytes"),
@@ -760,6 +814,15 @@ def test_too_little_free_memory_is_told_with_the_numbers(tmp_path, monkeypatch):
     monkeypatch.setattr(memory, "available", lambda: 100_000)
     with pytest.raises(NotEnoughMemory, match="take .* 100,000 bytes are free"):
         read_mesh(path)
+
+
+def test_memory_that_the_system_refuses_is_no_fault_of_the_file(tmp_path, square, monkeypatch):
+    def refused(source):
+        raise MemoryError
+
+    monkeypatch.setitem(files._READERS, "glb", refused)
+    with pytest.raises(NotEnoughMemory, match="scene.glb: memory is used up: close other programs"):
+        read_mesh(written(tmp_path, square))
 
 
 def test_what_is_promised_includes_all_that_is_held(tmp_path):

@@ -93,10 +93,12 @@ def read_scene(path) -> Scene:
         raise MeshError(f"{path}: unknown kind of file; use one of {known}")
     kind, _, zipped = kind.partition(".")
     try:
-        with Source(path, bool(zipped)) as source:
+        # Numbers beyond all range are told of by `Shape`, with their vertex, not by numpy on standard error.
+        with Source(path, bool(zipped)) as source, np.errstate(all="ignore"):
             vertices, faces, names = _READERS[kind](source)
-    except NotEnoughMemory as error:
-        raise NotEnoughMemory(f"{path}: {error}") from error
+    except MemoryError as error:
+        # Without words where Python's own limit was met.
+        raise NotEnoughMemory(f"{path}: {str(error) or 'memory is used up: close other programs'}") from error
     except OSError as error:
         # Those of the system have a number; gzip's are about what is in the file.
         raise MeshError(f"{path}: {error.strerror or _unreadable(kind, error)}") from error
@@ -119,6 +121,7 @@ def read_scene(path) -> Scene:
 
 
 def _unreadable(kind: str, error: Exception) -> str:
-    # Words of our own are ValueErrors; what others say is told with its kind.
-    reason = str(error) if isinstance(error, ValueError) else f"{type(error).__name__} {error}"
-    return f"cannot be read as {kind.upper()}: {about(reason)}"
+    # Words of our own are ValueErrors; others are Python's, about what is not as the format has it.
+    if not isinstance(error, ValueError):
+        error = ValueError(f"it is damaged ({type(error).__name__}: {error})")
+    return f"cannot be read as {kind.upper()}: {about(str(error))}"

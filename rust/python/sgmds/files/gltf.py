@@ -112,6 +112,8 @@ class _File:
             self._tree = json.loads(text)
         except RecursionError:
             raise ValueError("the description of its scene is nested too deeply; it is damaged") from None
+        except ValueError as error:
+            raise ValueError(f"the description of its scene is damaged: {error}") from error
         if not isinstance(self._tree, dict):
             raise ValueError("the description of its scene is no object; it is damaged")
         self._embedded: dict[int, bytes] = {}
@@ -336,7 +338,9 @@ class _File:
         self._source.allow(self.held + count * (8 + 2 * kind.itemsize * columns), "its sparse values")
         data = self._bytes(ids["bufferView"], ids.get("byteOffset", 0), count * id_kind.itemsize, of)
         changed = np.frombuffer(data, id_kind).astype(np.int64)
-        if (np.diff(changed) <= 0).any() or (count and changed[-1] >= self._count(accessor, of)):
+        # The last one is the largest then.
+        outside = count and not 0 <= changed[0] <= changed[-1] < self._count(accessor, of)
+        if outside or (np.diff(changed) <= 0).any():
             raise ValueError(f"{of} has sparse rows out of order; it is damaged")
         size = kind.itemsize * columns
         data = self._bytes(values["bufferView"], values.get("byteOffset", 0), count * size, of)
@@ -412,8 +416,10 @@ class _File:
                 for joint, weight in zip(joints.T, weights.T[:, :, None], strict=True):
                     # Rows without weight often name no joint.
                     used = np.where(weight[:, 0] != 0, joint, 0)
-                    if used.max() >= len(skin):
-                        raise ValueError(f"a mesh has joint {used.max()} of {len(skin)}; it is damaged")
+                    if used.min() < 0 or used.max() >= len(skin):
+                        raise ValueError(
+                            f"a mesh has joints {used.min()}…{used.max()} of {len(skin)}; it is damaged"
+                        )
                     matrices = skin[used]
                     carried = np.einsum("nij,nj->ni", matrices[:, :3, :3], points) + matrices[:, :3, 3]
                     placed += weight * carried

@@ -38,7 +38,7 @@ def read(source: Source) -> tuple[np.ndarray, np.ndarray, list[tuple[str, int]]]
             found += 1
         elif faces < announced:
             size = int(row[0])
-            if len(row) <= size:
+            if not 0 <= size < len(row):
                 break
             faces += 1
             if size >= 3:

@@ -121,6 +121,8 @@ def _header(source: Source) -> tuple[str, list[_Element], bytes]:
                     raise ValueError(f"its format is {name!r}; known are {', '.join(_ORDERS)}")
                 order = _ORDERS[name]
             case ["element", name, count]:
+                if any(element.name == name for element in elements):
+                    raise ValueError(f"its header has element {name} twice; it is damaged")
                 elements.append(_Element(name, int(count)))
                 if elements[-1].count < 0:
                     raise ValueError(f"its header announces {count} of element {name}; it is damaged")
@@ -179,9 +181,11 @@ class _Reader:
     def lists(self, element: _Element, names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
         """The whole numbers of the list of one of these names, row after row, and how many each row has.
 
-        Both are empty when the element has no such list.
+        Both are empty without names.
         """
         wanted = next((e for e in element.properties if e.name in names and e.length_kind), None)
+        if names and wanted is None:
+            raise ValueError(f"its element {element.name} has no list {names[0]!r}")
         ids, sizes = array("q"), array("q")
         row = 0
         while row < element.count:

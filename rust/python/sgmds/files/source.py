@@ -24,6 +24,8 @@ take a sixteenth more than is in them while they grow, and the places that they 
 block that is looked at take some 20 MB."""
 BLOCK = 2**20
 """Bytes of a file that are looked at together."""
+HEAD = 1000
+"""Bytes at the beginning of a text by which it is seen to be one: none of them is zero."""
 WORDS_FACTOR = 36
 """Bytes that the words of a line and their numbers take for each byte of it, when each has one letter."""
 MEGABYTE = 1e6
@@ -100,6 +102,10 @@ class Source:
         """The text after `ahead`, which was read before, in blocks that end where a line or a word ends."""
         tail, held, unpacked = [], 0, 0
         block = ahead or self.read(BLOCK).removeprefix(codecs.BOM_UTF8)
+        if b"\0" in block[:HEAD]:
+            raise ValueError(
+                "it should be text and has bytes of zero, as UTF-16 has: export it again, as UTF-8"
+            )
         while block:
             unpacked += len(block)
             if self.zipped:

@@ -21,8 +21,9 @@ def read(source: Source) -> tuple[np.ndarray, np.ndarray, list[tuple[str, int]]]
     """Vertices in order of first appearance, triangles, and the one piece without a name."""
     head = source.read(_HEAD)
     announced = int.from_bytes(head[80:], "little") if len(head) == _HEAD else 0
-    # Some binary files begin with the word of the text, but none of those has just this size.
-    is_text = head.lstrip()[:5].lower() == b"solid" and source.size != _HEAD + 50 * announced
+    # Some binary files begin with the word of the text, but no text has a zero or just this size.
+    is_binary = b"\0" in head or source.size == _HEAD + 50 * announced
+    is_text = head.lstrip()[:5].lower() == b"solid" and not is_binary
     corners = _text(source, head) if is_text else _binary(source, head, announced)
     source.allow(_JOINING * (len(corners) // 3), "its triangles")
     vertices, ids = _joined(corners)
