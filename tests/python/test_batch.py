@@ -462,7 +462,7 @@ def test_what_killed_workers_left_of_a_report_is_removed(tmp_path):
 
 def test_names_are_no_formulas_in_the_tables(meshes, tmp_path, cache):
     """Programs of tables compute a cell that begins with one of four signs, whoever wrote it."""
-    names = ["=1+1", "+2", "-3", "@sum", "plain"]
+    names = ["=1+1", "+2", "-3", "@sum", "\n=4", "\uff1d5", "plain"]
     for name in names:
         (tmp_path / f"{name}.off").symlink_to(meshes / "ant.off")
     path = tmp_path / "batch.toml"
@@ -472,9 +472,9 @@ def test_names_are_no_formulas_in_the_tables(meshes, tmp_path, cache):
         with open(tmp_path / "batch" / table, newline="") as file:
             rows = list(csv.reader(file))
         cells = [cell for row in rows for cell in row]
-        assert {f"'{name}" for name in names[:4]} | {"plain"} <= set(cells)
+        assert {f"'{name}" for name in names[:-1]} | {"plain"} <= set(cells)
         # What still begins with a sign is a number.
-        assert all(float(cell) < 0 for cell in cells if cell.startswith(("=", "+", "-", "@")))
+        assert all(float(cell) < 0 for cell in cells if cell.startswith(tuple("=+-@\n\uff1d")))
 
 
 @pytest.mark.parametrize("name", ["pairs.csv", "distances.png", "report.json", "maps/ant--bee.npz"])
@@ -563,6 +563,18 @@ def test_no_scheduler_is_one_line(meshes, cache, tmp_path, capsys, monkeypatch):
     arguments = ["batch", str(path), "--scheduler", "tcp://127.0.0.1:1", "--cache", str(cache)]
     assert main(arguments) == 1
     assert "no scheduler answers" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("address", ["tls://127.0.0.1:1", "tcp://localhost"])
+def test_an_address_that_cannot_be_used_is_one_line_and_leaves_no_results(meshes, cache, tmp_path, address):
+    """Certificates or the port are missing. A process of its own tells at its end of what it forgets."""
+    path = everyone(meshes, tmp_path)
+    command = [sys.executable, "-m", "sgmds.command", "batch", path, "--cache", cache, "--scheduler", address]
+    for _ in range(2):
+        # The second time too, as nothing was done that could be taken up.
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60)
+        assert done.returncode == 1 and done.stderr.startswith(f"sgmds: no scheduler answers at {address}: ")
+        assert done.stderr.count("\n") == 1, done.stderr
 
 
 # Manifests.
@@ -672,6 +684,29 @@ def test_a_link_does_not_lead_out(tmp_path):
     with pytest.raises(sgmds.ArgumentError, match="leads out"):
         read(tmp_path, "all_against_all = '*.off'")
     assert len(read(tmp_path, "all_against_all = '*.off'", anywhere=True)) == 2
+
+
+def test_no_two_pairs_have_one_map(tmp_path):
+    """Names that hold what is between names: a--b to c and a to b--c."""
+    for name in ("a", "a--b", "b--c", "c", "a1"):
+        (tmp_path / f"{name}.off").write_text("OFF")
+    everyone = "all_against_all = '*.off'"
+    for text in (everyone, "maps = '{target}--{source}.npz'\n" + everyone):
+        with pytest.raises(sgmds.ArgumentError, match=r"two maps would be written to \S+--\S+--\S+\.npz"):
+            read(tmp_path, text)
+    other = "[[pairs]]\nsource = 'a.off'\ntarget = 'b--c.off'\nmap = 'other.npz'\n"
+    for text in (
+        "maps = false\n" + everyone,
+        "maps = '{source}/{target}.npz'\n" + everyone,
+        f"{everyone}\n{other}",
+    ):
+        batch = read(tmp_path, text)
+        maps = [batch.pair(number).map for number in range(len(batch))]
+        assert len(maps) == 20 and (None in maps or len(set(maps)) == 20)
+    # One that is listed beside all against all of others.
+    beside = "[[pairs]]\nsource = 'a--b.off'\ntarget = 'c.off'\n"
+    with pytest.raises(sgmds.ArgumentError, match="two maps would be written to"):
+        read(tmp_path, f"all_against_all = ['a.off', 'b--c.off']\n{beside}")
 
 
 def test_files_of_one_name_get_their_folders(tmp_path):

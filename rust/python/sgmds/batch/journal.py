@@ -129,4 +129,6 @@ class _Places:
 
 
 def exists(folder: Path) -> bool:
-    return (folder / NAME).exists()
+    """Whether anything is written down: of a run that found no scheduler there is an empty journal."""
+    place = folder / NAME
+    return place.exists() and place.stat().st_size > 0

@@ -327,9 +327,10 @@ def _digest(path: Path) -> str:
 
 
 def _check_places(batch: Batch, anywhere: bool):
-    """No map leaves the folder or takes an input's place.
+    """No map leaves the folder, or takes the place of an input or of another map.
 
-    Of all against all, one map tells of all: only their pattern could do that, not the names of shapes.
+    Of all against all one map tells whether they leave it: only their pattern could do that, not the names of
+    shapes.
     """
     inputs = {shape.path.resolve() for shape in batch.shapes}
     one_by_one = [*batch.listed, *batch.own.values()]
@@ -346,5 +347,38 @@ def _check_places(batch: Batch, anywhere: bool):
         square = range(len(batch) - len(batch.listed))
         others = (batch.pair(n).map for n in square if n not in batch.own)
         twice += [place for place in others if place and place in named]
+    if batch.map_name is not None and not twice:
+        twice = list(itertools.islice(_shared_places(batch, batch.map_name), 1))
     if twice:
         raise ArgumentError(f"two maps would be written to {twice[0]}: choose another name for one")
+
+
+def _shared_places(batch: Batch, pattern: str) -> Iterator[Path]:
+    """Maps that two pairs have in common by the names of their shapes, as a--b to c and a to b--c.
+
+    Of the two names that come first in the pattern, one begins with the other then, and what it has more,
+    with the text between names behind it, begins like that text. So few shapes are looked at, not all pairs.
+    """
+    texts, fields = [""], []
+    for text, name, *_ in string.Formatter().parse(pattern):
+        texts[-1] += text
+        if name is not None:
+            fields.append(name)
+            texts.append("")
+    between = texts[1]
+
+    def places(first):
+        for second in range(len(names)):
+            ends = (first, second) if fields[0] == "source" else (second, first)
+            number = batch.number(*ends)
+            if number is not None and (place := batch.pair(number).map):
+                yield place
+
+    names = [shape.name for shape in batch.shapes]
+    ordered = sorted(range(len(names)), key=names.__getitem__)
+    for k, short in enumerate(ordered):
+        for long in itertools.islice(ordered, k + 1, None):
+            if not names[long].startswith(names[short]):
+                break
+            if (names[long][len(names[short]) :] + between).startswith(between):
+                yield from set(places(short)) & set(places(long))

@@ -27,8 +27,8 @@ NAMES = ("pairs.csv", *(f"{name}.csv" for name in MATRICES), "distances.png", "r
 BEGINNINGS = (b"source,", b"\x89PNG\r\n\x1a\n", b'{\n "pairs": ')
 """By which they are known: tables, the picture and the summary."""
 GRADES = ("green", "amber", "red")
-FORMULA = ("=", "+", "-", "@", "\t", "\r")
-"""What programs of tables take for the beginning of a formula (OWASP, CSV Injection)."""
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n", "\uff1d", "\uff0b", "\uff0d", "\uff20")
+"""What programs of tables take for the beginning of a formula, also in full width (OWASP, CSV Injection)."""
 LABELLED = 60
 """Rows of a picture that have room for their names."""
 

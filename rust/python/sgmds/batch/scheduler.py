@@ -7,6 +7,7 @@ records. A worker that dies has its tasks given to others by the scheduler.
 
 from __future__ import annotations
 
+import asyncio
 import functools
 import ipaddress
 from collections.abc import Iterable, Iterator
@@ -58,6 +59,8 @@ def run(tasks: Iterable[Task], address: str, settings: Settings) -> Iterator[tup
     from distributed import CancelledError, Client, KilledWorker, as_completed
 
     try:
+        # A client that cannot be made waits, and tells of itself on standard error, when it is forgotten.
+        asyncio.run(_reach(address))
         client = Client(address, timeout=CONNECT_SECONDS, set_as_default=False)
     except Exception as error:
         # No answer, none that is understood, certificates that are missing or do not fit: each has its own.
@@ -106,6 +109,16 @@ def run(tasks: Iterable[Task], address: str, settings: Settings) -> Iterator[tup
                 outcome = Outcome(failure(f"unexpected {type(error).__name__}: {error}"))
             yield task, outcome
             fill()
+
+
+async def _reach(address: str) -> None:
+    """Connects and lets go, or raises: for a name that is none, no answer, missing certificates."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    certificates = Security().get_connection_args("client")
+    comm = await connect(address, timeout=CONNECT_SECONDS, **certificates)
+    await comm.close()
 
 
 @functools.lru_cache(maxsize=1)
