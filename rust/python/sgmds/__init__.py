@@ -5,9 +5,12 @@ values are carried from source to target.
 """
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+# Without the module typing, whose import takes longer than all else here: Ctrl-C is heard only behind it.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    from typing import Any
+
     from ._core import __version__
     from .correspondence import Correspondence, Quality
     from .errors import (
@@ -69,7 +72,7 @@ _MODULES = ("correspondence", "errors", "matching", "shape", "transfer")
 """Modules that come without an import of their own."""
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> "Any":
     if name in _MODULES:
         return import_module(f"{__name__}.{name}")
     if name not in _PLACES:

@@ -68,7 +68,9 @@ def _fail(reason: str) -> int:
 def _fault_of_output() -> str | None:
     """Words when what was printed cannot be written, as to a full disk; then nothing more is tried."""
     try:
-        sys.stdout.flush()
+        # Of an output that is closed there is none.
+        if sys.stdout is not None:
+            sys.stdout.flush()
     except OSError as error:
         # Else Python itself tries again, and tells of it, when it ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -28,8 +28,11 @@ def whole_file(path: str | os.PathLike[str], *, binary: bool = False) -> Iterato
             file.flush()
             os.fsync(file.fileno())
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as error:
         temporary.unlink()
+        if isinstance(error, OSError) and error.errno and error.filename is None:
+            # As when the disk is full: it was this file that could not be written.
+            error.filename = str(path)
         raise
 
 
