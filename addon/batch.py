@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import dataclasses
-import glob
 import importlib
 import os
 import secrets
@@ -175,7 +174,7 @@ def _file_jobs(
         raise WrongRequestError(f"{where}: output '{name}' may use {{file}} only")
     if not Path(name).name:
         raise WrongRequestError(f"{where}: output '{name}' is no name of a file")
-    for file in _files(home, entry.get("files"), where):
+    for file in _files(toml, home, entry.get("files"), where):
         stem = file.stem if file else Path(bpy.data.filepath).stem
         output = toml.within(folder, name.replace("{file}", stem or "untitled"), anywhere)
         yield FileJob(file, tuple(pairings), output, kinds, source_file, entry.get("keep_source", False))
@@ -196,13 +195,15 @@ def _strings(value: str | list[str], where: str) -> tuple[str, ...]:
     return values
 
 
-def _files(home: Path, patterns: str | list[str] | None, where: str) -> Sequence[Path | None]:
+def _files(
+    toml: ModuleType, home: Path, patterns: str | list[str] | None, where: str
+) -> Sequence[Path | None]:
     if patterns is None:
         return [None]
     files = []
     for pattern in _strings(patterns, f"{where}, files"):
         found = [home / pattern] if (home / pattern).is_file() else []
-        found = found or sorted(home / name for name in glob.glob(pattern, root_dir=home, recursive=True))
+        found = found or sorted(toml.matching(home, pattern))
         if not found:
             raise WrongRequestError(f"{where}: no file is named '{pattern}'")
         files += found

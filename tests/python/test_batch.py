@@ -686,6 +686,24 @@ def test_a_link_does_not_lead_out(tmp_path):
     assert len(read(tmp_path, "all_against_all = '*.off'", anywhere=True)) == 2
 
 
+def test_links_that_lead_in_circles_are_not_followed(tmp_path):
+    """Two of them have as many ways through as there are numbers of forty digits in base two."""
+    (tmp_path / "below" / "further").mkdir(parents=True)
+    (tmp_path / "here").symlink_to(".")
+    (tmp_path / "below" / "up").symlink_to("..")
+    for place in ("ant", "below/bee", "below/further/cat", "below/further/.dog"):
+        (tmp_path / f"{place}.off").write_text("OFF")
+    for pattern, count in (
+        ("**/*.off", 3),
+        ("**", 3),
+        ("**/**/*.off", 3),
+        ("below/**", 2),
+        ("bel*/**/c*.off", 1),
+    ):
+        batch = read(tmp_path, f"all_against_all = ['ant.off', '{pattern}']")
+        assert len(batch.shapes) == count + (count < 3), pattern
+
+
 def test_no_two_pairs_have_one_map(tmp_path):
     """Names that hold what is between names: a--b to c and a to b--c."""
     for name in ("a", "a--b", "b--c", "c", "a1"):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import glob
 import hashlib
 import itertools
+import os
 import re
 import string
 import tomllib
@@ -287,13 +288,27 @@ def _files(home, patterns, where) -> list[Path]:
                 files.append(home / pattern)
                 continue
             # Other files may lie beside the meshes that a pattern means.
-            found = [home / p for p in glob.glob(pattern, root_dir=home, recursive=True) if mesh_format(p)]
+            found = [path for path in matching(home, pattern) if mesh_format(path)]
         except OSError as error:
             raise ArgumentError(f"{where}: {error.strerror}: {pattern!r}") from error
         if not found:
             raise ArgumentError(f"{where}: no mesh file is named {pattern!r}")
         files += sorted(found)
     return files
+
+
+def matching(folder: Path, pattern: str) -> set[Path]:
+    """Files and folders of a pattern. `**` goes into folders, not into links, which may lead in circles."""
+    stars = re.search(r"(?<![^/])\*\*(?:/\*\*)*(?:/|$)", pattern)
+    if stars is None:
+        return {folder / name for name in glob.glob(pattern, root_dir=folder)}
+    head, rest = pattern[: stars.start()], pattern[stars.end() :] or "*"
+    found = set()
+    for base in glob.glob(head, root_dir=folder) if head else [""]:
+        for place, below, _ in os.walk(folder / base):
+            below[:] = [name for name in below if not name.startswith(".")]
+            found |= matching(Path(place), rest)
+    return found
 
 
 def _names(files: list[Path]) -> dict[Path, str]:
