@@ -14,6 +14,7 @@ from ..typed import Floats, Options
 from .copies import name_of
 
 if TYPE_CHECKING:
+    from .kind import Bodies
     from .route import Route
 
 # On a mesh: the names of the UV maps that came from a source, each with the source's name for it.
@@ -129,3 +130,12 @@ def bakes_into_own(route: Route, options: Options) -> bool:
 def unwraps_bare(route: Route, options: Options) -> bool:
     """Whether a target without a layout gets one to bake textures into, instead of the source's alone."""
     return bool(route.wanted.get("textures")) and options.bake_unwrap == OVERLAPS
+
+
+def may_bake(options: Options, bodies: Bodies | None) -> bool:
+    """Whether textures may be baked for a target, rather than all shown by the source's UV map."""
+    if bodies is None or options.bake_unwrap == OVERLAPS or not options.use_uv:
+        return True
+    meshes = [target.data for target in bodies.targets]
+    own = any(mesh.uv_layers.keys() - carried_maps(mesh).keys() for mesh in meshes)
+    return own or not any(source.data.uv_layers for source in bodies.sources)

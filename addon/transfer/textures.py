@@ -19,7 +19,7 @@ from .copies import MADE_FROM, ORIGINAL
 from .image_nodes import image_nodes, images, normal_maps
 from .image_pixels import store
 from .kind import Kind, Prepared
-from .layouts import NEEDED, NEVER, OVERLAPS, bake_map, takes_over
+from .layouts import NEEDED, NEVER, OVERLAPS, bake_map, may_bake, takes_over
 from .listed import listed
 from .material_copies import fitting, forget, is_made_from, made_title, own_copy
 from .sheets import sheets
@@ -299,4 +299,12 @@ KIND = Kind(
         ),
     },
     words=("texture", "textures"),
+    effects={
+        # There is one to choose; those that come from the source show its textures as they are.
+        "bake_uv": lambda _, bodies: (
+            bodies is None or any(target.data.uv_layers for target in bodies.targets)
+        ),
+        "bake_size": may_bake,
+        "bake_margin": may_bake,
+    },
 )

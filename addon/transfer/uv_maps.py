@@ -17,8 +17,10 @@ from ..mesh_read import UnusableObjectError
 from ..mesh_write import check_name
 from ..typed import Flags, Floats, Options
 from .attributes import SEAMS
-from .kind import Kind, Prepared
-from .layouts import MOST_UV_MAPS, bakes_into_own, carried_maps, finite_uv, own_maps, remember
+from .baking import materials_on
+from .image_nodes import images
+from .kind import Bodies, Kind, Prepared
+from .layouts import MOST_UV_MAPS, OVERLAPS, bakes_into_own, carried_maps, finite_uv, own_maps, remember
 
 if TYPE_CHECKING:
     from .route import Route
@@ -136,6 +138,18 @@ def _write(
         target.edges.foreach_set("use_seam", seams | marked)
 
 
+def _may_split_bare(options: Options, bodies: Bodies | None) -> bool:
+    """Whether a target may be split at seams because it has no layout of its own."""
+    if options.split_seams:
+        return False
+    if bodies is None:
+        return True
+    textured = options.use_textures and any(images(materials_on(source)) for source in bodies.sources)
+    if textured and options.bake_unwrap == OVERLAPS:
+        return False
+    return not all(own_maps(target.data) for target in bodies.targets)
+
+
 KIND = Kind(
     "uv",
     "UV Maps",
@@ -180,9 +194,6 @@ KIND = Kind(
                 for target in bodies.targets
             )
         ),
-        "split_bare": lambda options, bodies: (
-            not options.split_seams
-            and (bodies is None or not all(own_maps(target.data) for target in bodies.targets))
-        ),
+        "split_bare": _may_split_bare,
     },
 )

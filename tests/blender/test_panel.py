@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from bipeds import Figure, walk
 from conftest import choose, lumpy, new_object
+from test_textures import Body
 from test_transfer import store_identity, transfer
+from test_transfer_kinds import photo
 
 from addon import job, manual, notice, panels, transfer_panel
 from addon.operators import carry, match, outfit, step
@@ -213,6 +215,54 @@ def test_grey_options_change_nothing(bodies, kinds, others, option):
     for value in values:
         transfer(source, target, kinds=kinds, **others, **{name: value})
         results.append(state(target))
+    for first, second in zip(*results, strict=True):
+        np.testing.assert_array_equal(first, second)
+
+
+def test_options_of_layouts_are_grey_where_nothing_is_baked(scene):
+    body, settings = Body(photo(64)), scene.spectral_match
+    both, sizes = Bodies([body.source], [body.target]), {"bake_size", "bake_margin"}
+    assert not (sizes | {"bake_uv"}) & grey(both) and "split_bare" in grey(both)
+    body.target.data.uv_layers.remove(body.target.data.uv_layers["Own"])
+    # The source's UV map shows its textures.
+    assert sizes | {"bake_uv"} <= grey(both) and "split_bare" not in grey(both)
+    # It is unwrapped instead.
+    settings.bake_unwrap = "OVERLAPS"
+    assert {"bake_uv", "split_bare"} <= grey(both) and not sizes & grey(both)
+    # For a source without textures it is not.
+    body.source.data.materials.clear()
+    assert "split_bare" not in grey(both)
+
+
+def test_textures_alone_are_baked_to_a_target_without_a_layout(scene):
+    body, settings = Body(photo(64)), scene.spectral_match
+    body.target.data.uv_layers.remove(body.target.data.uv_layers["Own"])
+    settings.use_uv = False
+    assert not {"bake_size", "bake_margin"} & grey(Bodies([body.source], [body.target]))
+
+
+@pytest.mark.parametrize(
+    ("wish", "name", "values"),
+    [
+        ("NEEDED", "bake_size", ("512", "1024")),
+        ("NEEDED", "bake_margin", (0, 16)),
+        ("NEEDED", "bake_uv", ("", "UVMap")),
+        ("OVERLAPS", "split_bare", (False, True)),
+    ],
+)
+def test_grey_options_of_layouts_change_nothing(scene, wish, name, values):
+    results = []
+    for value in values:
+        body = Body(photo(64))
+        body.target.data.uv_layers.remove(body.target.data.uv_layers["Own"])
+        scene.spectral_match.bake_unwrap = wish
+        assert not has_effect(name, scene.spectral_match, Bodies([body.source], [body.target]))
+        transfer(body.source, body.target, kinds="uv,materials,textures", **{name: value})
+        (material,) = body.target.data.materials
+        (image,) = (node.image for node in material.node_tree.nodes if node.type == "TEX_IMAGE")
+        results.append((*state(body.target), np.array(image.size), np.array(image.pixels[:])))
+        for obj in (body.source, body.target):
+            bpy.data.objects.remove(obj)
     for first, second in zip(*results, strict=True):
         np.testing.assert_array_equal(first, second)
 
