@@ -22,6 +22,8 @@ from .typed import Floats
 
 # On objects that are made for a target: the target, which a duplicate of it is not.
 MADE_FOR = "spectral_match_made_for"
+# The name of what it was made from.
+MADE_FROM = "spectral_match_made_from"
 # What hangs on a bone without skin is held in a hand if larger than this share of the character: an eye is
 # not.
 HELD_SHARE = 0.1
@@ -37,6 +39,11 @@ def _parted(name: str) -> tuple[str, str]:
     """A name, and the number that Blender adds where another object has it, as ".001"."""
     stem = re.sub(r"\.\d+$", "", name)
     return stem, name[len(stem) :]
+
+
+def stem_of(name: str) -> str:
+    """A name without the number that Blender adds where another object has it."""
+    return _parted(name)[0]
 
 
 def shared_name(objects: Sequence[bpy.types.Object]) -> str:
@@ -78,8 +85,11 @@ class Character:
     def name(self) -> str:
         if len(self.whole) == 1:
             return self.lead.name
-        named = _parted(self.owner.name)[0].lower() not in NO_NAMES
-        return self.owner.name if named else shared_name(self.pieces) or self.owner.name
+        own = self.owner.name
+        if MADE_FROM in self.owner:
+            # A rig that came from a source, whose name stands behind that of the character.
+            own = stem_of(own).removesuffix(f" {stem_of(self.owner[MADE_FROM])}")
+        return own if stem_of(own).lower() not in NO_NAMES else shared_name(self.pieces) or own
 
     @property
     def label(self) -> str:

@@ -108,8 +108,14 @@ def matched(context: bpy.types.Context) -> list[Character]:
 
 
 def matched_of(target: Character) -> tuple[bpy.types.Object, ...]:
-    """The meshes of a character that have a match."""
-    return tuple(filter(has_match, target.whole))
+    """The meshes of a character that have a match; one that is left out may have an older one, and counts
+    where it was matched together with others that take part.
+    """
+    have = list(filter(has_match, target.whole))
+    taking = [piece for piece in have if piece in target.pieces]
+    figures = {piece.data.spectral_match.figure for piece in taking} - {""}
+    counts = [piece for piece in have if piece in taking or piece.data.spectral_match.figure in figures]
+    return tuple(counts if taking else have)
 
 
 def matched_pieces(context: bpy.types.Context) -> list[bpy.types.Object]:

@@ -240,7 +240,7 @@ def _own_rig(
         return before, False
     own = object_copy(rig, target)
     # The target's name first: panels that are narrow show the beginning, and name the character by its rig.
-    own.name = f"{character.of(target).name} {rig.name}"
+    own.name = f"{character.of(target).name} {character.stem_of(rig.name)}"
     own.data = copied(rig.data)
     own.data.name = own.name
     own.parent = None

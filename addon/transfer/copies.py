@@ -9,12 +9,10 @@ from typing import TypeVar
 
 import bpy
 
-from ..character import MADE_FOR, is_there
+from ..character import MADE_FOR, MADE_FROM, is_there
 
 Copied = TypeVar("Copied", bound=bpy.types.ID)
 
-# On what is made for a target (a rig, a companion, a material, an image): the name of what from.
-MADE_FROM = "spectral_match_made_from"
 # On objects and materials that are made: what from. It may be renamed, or gone and come back under its name.
 ORIGINAL = "spectral_match_original"
 # What a joined object stands for, by its session id: the objects that it was joined from, and their name.

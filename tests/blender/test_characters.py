@@ -836,6 +836,23 @@ def test_one_slider_morphs_all_meshes(two):
     assert settings.morph_factor == 0.0 and not settings.morph_wipe
 
 
+def test_an_older_match_of_a_piece_that_is_left_out_is_not_carried(known):
+    knight, mage = known
+    transfer(knight.body, mage.body, kinds="groups,armature")
+    rig = mage.eye.find_armature()
+    mage.eye.spectral_match_part = "LEFT_OUT"
+    for piece in (mage.body, mage.shirt):
+        piece.data.spectral_match.figure = "anew"
+    mage.eye.vertex_groups.clear()
+    transfer(knight.body, mage.body, kinds="groups,armature")
+    assert [obj for obj in bpy.data.objects if obj.get(characters.MADE_FROM) == "Knight"] == [rig]
+    assert mage.eye.find_armature() == rig and not mage.eye.vertex_groups
+    # One that was matched with the others, and is left out since, is.
+    mage.eye.data.spectral_match.figure = "anew"
+    transfer(knight.body, mage.body, kinds="groups,armature")
+    assert mage.eye.vertex_groups
+
+
 def test_pieces_that_are_left_out_are_told_to_be_white(known):
     knight, mage = known
     found = pair.resolve(bpy.context)
@@ -1046,3 +1063,22 @@ def test_a_character_that_nobody_named_is_called_as_its_meshes_are(scene, owner,
     for each in meshes:
         new_object(each, *lumpy(3)).parent = rig
     assert rig.name == owner and characters.of(rig).name == name
+
+
+@pytest.mark.parametrize(
+    ("owner", "made_from", "meshes", "name"),
+    [
+        ("Mage Rig", "Rig.001", ["Mage_Body", "Mage_Head"], "Mage"),
+        ("Mage Rig.002", "Rig", ["Mage_Body", "Mage_Head"], "Mage"),
+        ("Bruno Mia", "Mia", ["Body", "Head"], "Bruno"),
+        # Renamed since.
+        ("Merlin", "Rig.001", ["Mage_Body", "Mage_Head"], "Merlin"),
+    ],
+)
+def test_a_character_keeps_its_name_on_the_rig_that_came(scene, owner, made_from, meshes, name):
+    rig = bpy.data.objects.new(owner, None)
+    rig[characters.MADE_FROM] = made_from
+    bpy.context.collection.objects.link(rig)
+    for each in meshes:
+        new_object(each, *lumpy(3)).parent = rig
+    assert characters.of(rig).name == name
