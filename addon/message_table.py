@@ -725,6 +725,13 @@ MESSAGES = (
         "'{1}' 的绑定 '{0}' 已被替换:它隐藏保留在场景中,骨架修改器已关闭",
     ),
     (
+        "The rig '{}' of '{}' was replaced, but still moves what was left out. To bring that too, undo, "
+        "check it under Pieces and match again: {}",
+        "'{1}' のリグ '{0}' を置き換えましたが、除外したものはまだそれで動きます。含めるには取り消し、"
+        "「パーツ」でチェックして再マッチしてください: {2}",
+        "'{1}' 的绑定 '{0}' 已被替换,但仍带动未参与的部分。如要一并带上,请撤销,在“部件”中勾选并重新匹配:{2}",
+    ),
+    (
         "'{}' has no bones. Add bones to it, or leave it unchecked",
         "'{}' にボーンがありません。追加するか、チェックを外してください",
         "'{}' 没有骨骼。请添加骨骼,或取消勾选",

@@ -65,11 +65,20 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
             left_out=wanted,
         )
     if own:
-        notes.append(
-            f"The rig '{own[0].object.name}' of '{route.target.name}' was replaced: it stays in the scene, "
-            "hidden, with its Armature modifier off"
-        )
-        notes += hung.words({modifier.object for modifier in own}, route.targets)
+        replaced = {modifier.object for modifier in own}
+        old, name = own[0].object.name, route.target.name
+        staying = [obj.name for obj in _moved_by(replaced) if obj not in route.targets]
+        if staying:
+            notes.append(
+                f"The rig '{old}' of '{name}' was replaced, but still moves what was left out. To bring that "
+                f"too, undo, check it under Pieces and match again: {listed(staying)}"
+            )
+        else:
+            notes.append(
+                f"The rig '{old}' of '{name}' was replaced: it stays in the scene, hidden, with its "
+                "Armature modifier off"
+            )
+        notes += hung.words(replaced, route.targets)
     for rig in rigs(route.source):
         if rig.name not in wanted:
             continue
@@ -106,14 +115,17 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
 
 def _without_bodies(replaced: set[bpy.types.Object]) -> list[bpy.types.Object]:
     """The rigs among those replaced that deform nothing any more and can be hidden here."""
-    moving = {
-        modifier.object
-        for obj in bpy.data.objects
-        for modifier in armature_modifiers(obj)
-        if modifier.show_viewport
-    }
     layer = bpy.context.view_layer.objects
-    return [rig for rig in replaced - moving if rig.name in layer]
+    return [rig for rig in replaced if rig.name in layer and not _moved_by({rig})]
+
+
+def _moved_by(moving: set[bpy.types.Object]) -> list[bpy.types.Object]:
+    """The objects that these rigs deform."""
+    return [
+        obj
+        for obj in bpy.data.objects
+        if any(modifier.show_viewport and modifier.object in moving for modifier in armature_modifiers(obj))
+    ]
 
 
 def _write(

@@ -9,7 +9,7 @@ from conftest import lumpy, new_object
 from test_transfer import store_identity, transfer
 from test_weights import give, rig_of, table_of
 
-from addon import character, notice
+from addon import character, notice, wording
 from addon.transfer import KINDS
 
 
@@ -69,6 +69,20 @@ def test_what_hangs_on_the_replaced_rig_follows_the_new_one(figures):
     bpy.context.view_layer.update()
     assert np.abs(np.array(thing.matrix_world) - place).max() > 0.1
     assert "follows the new rig: Thing" in notice.words
+
+
+def test_what_the_replaced_rig_still_moves_is_told(figures):
+    """A mesh of the target that is left out: its rig stays in sight, and what to do is not folded away."""
+    source, target, rig, own = figures
+    skirt = new_object("Skirt", *lumpy(3))
+    skirt.modifiers.new("Own", "ARMATURE").object = own
+    transfer(source.obj, target.obj, kinds="groups,armature")
+    look, _ = wording.notes_in_order(notice.words.splitlines())
+    assert [
+        note for note in look if "'Own' of 'Target' was replaced, but still moves" in note and "Skirt" in note
+    ]
+    assert armatures_on(skirt) == [own] and not own.hide_get()
+    assert "stays in the scene, hidden" not in notice.words
 
 
 def test_a_mesh_that_hung_on_a_bone_is_moved_once(figures):
