@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""What the last step said. The status bar forgets it; the panel shows it until the next step."""
+"""What the last step said. The status bar forgets it; the panel shows it until the next step, and what a
+transfer brought until the next match or transfer.
+"""
 
 from collections.abc import Callable, Iterable
 
@@ -18,21 +20,19 @@ transfer = 0
 
 
 def say(text: str, sign: EnumItem = "ERROR") -> None:
-    global words, icon
-    words, icon = text, sign
+    global words, icon, done
+    words, icon, done = text, sign, None
 
 
 def finish(context: bpy.types.Context, summary: Callable[[], str], notes: Iterable[str]) -> None:
     """A transfer is done: `summary` says what it brought, `notes` what needs a look."""
     global done, transfer
+    say("\n".join(notes))
     context.scene.spectral_match.transfers += 1
     done, transfer = summary, context.scene.spectral_match.transfers
-    say("\n".join(notes))
 
 
 def clear() -> None:
-    global done
-    done = None
     say("")
 
 

@@ -4,18 +4,18 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Generator
+from collections.abc import Callable, Generator
 from typing import Any
 
 import bpy
 
-from .. import core
+from .. import core, notice
 from .. import job as job_module
 from ..job import Job
 from ..mesh_read import value_of
 from ..translation import said
 from ..typed import Outcome
-from .step import Step, going_on
+from .step import Result, Step, going_on
 
 # Reads in short steps: how far it is and what it does, or None; its value is the job.
 Beginning = Generator[tuple[float, str] | None, None, Job]
@@ -50,6 +50,11 @@ class JobOperator(Step):
 
     def conclude(self, context: bpy.types.Context, job: Job) -> Outcome:
         raise NotImplementedError
+
+    def attempt(self, work: Callable[..., Result], *arguments: Any) -> Result | Outcome:
+        """As any step does, with what came by an earlier one no longer said."""
+        notice.clear()
+        return super().attempt(work, *arguments)
 
     def act(self, context: bpy.types.Context) -> Outcome:
         job = value_of(self.begin(context))

@@ -73,8 +73,12 @@ class Step:
         return self.attempt(self.act, context)
 
     def attempt(self, work: Callable[..., Result], *arguments: Any) -> Result | Outcome:
-        """Do the work; its failure becomes words, and the words of an earlier one go."""
-        notice.clear()
+        """Do the work; its failure becomes words, and the words of an earlier one go.
+
+        What a transfer brought is said on, while it is looked at, compared and undone.
+        """
+        if notice.done is None:
+            notice.clear()
         try:
             return work(*arguments)
         except (UnusableObjectError, core.CoreMissingError) as reason:

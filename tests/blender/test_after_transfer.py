@@ -52,6 +52,31 @@ def test_what_came_is_said_in_the_language_of_the_moment(bodies, monkeypatch):
     assert notice.done().startswith("完了: ")
 
 
+def test_what_came_is_said_until_the_next_match(bodies, scene):
+    """Notes, Before and After are there while the artist looks; what another step fails of comes instead."""
+    _, target = bodies
+    target.data.uv_layers.new(name="UVMap")
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    words = notice.words
+    assert "UV map 'UVMap' of 'Target' stays" in words
+    for step in (
+        lambda: bpy.ops.spectral_match.show(what="COLOURS"),
+        lambda: bpy.ops.spectral_match.toggle_item(item="groups/Bone 01"),
+        lambda: bpy.ops.spectral_match.choose_items(kind="groups", take=True),
+    ):
+        assert step() == {"FINISHED"}
+        assert notice.done is not None and notice.words == words
+    with pytest.raises(RuntimeError, match="'Nobody' is no mesh"):
+        bpy.ops.spectral_match.toggle_piece(piece="Nobody")
+    assert notice.done is None and "'Nobody'" in notice.words
+    # A failure is forgotten with the next step.
+    assert bpy.ops.spectral_match.show(what="NOTHING") == {"FINISHED"}
+    assert not notice.words
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"} and notice.done is not None
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    assert notice.done is None
+
+
 def test_one_kind_without_a_plural_is_not_counted():
     brought = Carried({"armature": ["Rig"], "keys": ["A"], "groups": ["A", "B"]})
     brought.add(Carried({"groups": ["B", "C"], "marks": ["Seams"]}, ["look"]))
