@@ -90,22 +90,43 @@ def test_published_sets_are_read_as_they_come(tmp_path, slender, stout):
     names = [(f"{kind}/{kind}{k}", f"{kind}/{kind}{3 - k}") for kind in ("slender", "stout") for k in (1, 2)]
     assert list(told) == names
     np.testing.assert_array_equal(told[names[0]], np.stack([images, images[::-1]], axis=1))
+    # Between classes lines agree only through the map of their references: here the third line belongs to the
+    # last, and the last but one to none.
+    (classes / "test_pairs.txt").write_text("slender/slender1,stout/stout1\nstout/stout1,slender/slender1\n")
+    with pytest.raises(sgmds.SgmdsError, match="no truth for the pair slender/slender1 stout/stout1"):
+        truths(classes)
+    between = np.arange(len(ids))
+    between[2], between[-2] = len(ids) - 1, -1
+    (classes / "corres" / "cross_category_corres").mkdir()
+    path = classes / "corres" / "cross_category_corres" / "slender_stout.vts"
+    np.savetxt(path, between + 1, fmt="%d")
+    # 0 stands for a line without partner, and counts from 1 like the others.
+    there = np.stack([images, ids[between]], axis=1)[between >= 0]
+    told = truths(classes)
+    np.testing.assert_array_equal(told["slender/slender1", "stout/stout1"], there)
+    np.testing.assert_array_equal(told["stout/stout1", "slender/slender1"], there[:, ::-1])
+    np.savetxt(path, between[:-1] + 1, fmt="%d")
+    with pytest.raises(sgmds.SgmdsError, match="are not a line of stout/stout1"):
+        truths(classes)
 
 
 def test_maps_between_two_are_read_whichever_has_as_many_lines(tmp_path, slender, stout):
     ids, images = characters.truth_vertices(stout, slender)
     bodies = {"stout1": (stout, None), "slender1": (slender, None)}
     root = published(tmp_path / "set", bodies)
-    (root / "test_pairs.txt").write_text("stout1 slender1\nslender1 stout1\n")
     lines = np.zeros(len(stout.vertices), dtype=int)
     lines[ids] = images + 1
     there = np.stack([ids, images], axis=1)[np.argsort(ids)]
     for name in ("stout1_slender1", "slender1_stout1"):
         np.savetxt(root / "corres" / f"{name}.map", lines, fmt="%d")
+        # Without a list those are asked for of which there is a map.
+        assert list(truths(root)) == [tuple(name.split("_"))]
+        (root / "test_pairs.txt").write_text("stout1 slender1\nslender1 stout1\n")
         told = truths(root)
         np.testing.assert_array_equal(told["stout1", "slender1"], there)
         np.testing.assert_array_equal(told["slender1", "stout1"], there[:, ::-1])
         (root / "corres" / f"{name}.map").unlink()
+        (root / "test_pairs.txt").unlink()
     np.savetxt(root / "corres" / "stout1_slender1.map", lines[:-1], fmt="%d")
     with pytest.raises(sgmds.SgmdsError, match="are not one for each vertex of one of stout1"):
         truths(root)
@@ -120,9 +141,36 @@ def test_parts_stand_beside_their_wholes(tmp_path, slender):
     published(tmp_path / "null", {"cat": (slender, None)})
     told = truths(published(tmp_path / "cuts", {"cuts_cat_shape_12": (part, kept)}))
     assert list(told) == [("cuts_cat_shape_12", "cat")]
-    np.testing.assert_array_equal(
-        told["cuts_cat_shape_12", "cat"], np.stack([np.arange(len(kept)), kept], axis=1)
-    )
+    there = np.stack([np.arange(len(kept)), kept], axis=1)
+    np.testing.assert_array_equal(told["cuts_cat_shape_12", "cat"], there)
+
+
+def test_parts_are_told_by_points_on_their_wholes(tmp_path, slender):
+    """As SHREC'16 has them: a triangle of the whole, which counts from 1, and weights of its corners."""
+    kept = np.flatnonzero(slender.vertices[:, 2] < np.median(slender.vertices[:, 2]))
+    number = np.full(len(slender.vertices), -1)
+    number[kept] = np.arange(len(kept))
+    faces = number[slender.faces]
+    (tmp_path / "null").mkdir()
+    write_off(tmp_path / "null" / "cat.off", slender.vertices, slender.faces)
+    root = tmp_path / "holes"
+    root.mkdir()
+    write_off(root / "holes_cat_shape_3.off", slender.vertices[kept], faces[(faces >= 0).all(axis=1)])
+    triangles = np.array([np.flatnonzero((slender.faces == v).any(axis=1))[0] for v in kept])
+    weights = np.where(slender.faces[triangles] == kept[:, None], 0.6, 0.2)
+    points = np.column_stack([triangles + 1, weights])
+    for ending, lines in (("", points), ("_sym", points[::-1])):
+        np.savetxt(root / f"holes_cat_shape_3.baryc_gt{ending}", lines, fmt=["%d", "%.6f", "%.6f", "%.6f"])
+    told = truths(root)
+    every = np.arange(len(kept))
+    assert list(told) == [("holes_cat_shape_3", "cat")]
+    np.testing.assert_array_equal(told["holes_cat_shape_3", "cat"], np.stack([every, kept], axis=1))
+    truth = find_sets(tmp_path)[0].truth("holes_cat_shape_3", "cat", len(kept), lines=None)
+    np.testing.assert_array_equal(truth.swapped_b, kept[::-1])
+    points[0, 0] = len(slender.faces) + 1
+    np.savetxt(root / "holes_cat_shape_3.baryc_gt", points)
+    with pytest.raises(sgmds.SgmdsError, match="names a triangle that cat with its"):
+        truths(root)
 
 
 def test_error_agrees_with_shortest_paths(folder, slender, stout):

@@ -19,8 +19,11 @@ Published sets are read as they come. There ids count from 1:
     test_pairs.txt                       "A B" or "A,B" a line; without it all pairs, of each class
     corres/NAME.vts, NAME.sym.vts        as corr/NAME.txt; also in corres/CLASS/
     corres/A_B.map                       a line for every vertex of one of the two: the vertex of the other
-    ../null/off/NAME.off                 the whole of parts named SET_NAME_shape_K, whose corres/ files tell
-                                         the vertex of the whole for each of theirs
+    corres/cross_category_corres/C_D.vts a line for every line of the truth of class C: the line of D's
+    ../null/NAME.off, ../null/off/       wholes of parts named SET_NAME_shape_K, whose corres/ files tell the
+                                         vertex of the whole for each of theirs
+    PART.baryc_gt, PART.baryc_gt_sym     the same as a triangle of the whole and weights of its corners, of
+                                         which the heaviest is taken; _sym with the sides swapped
 """
 
 from __future__ import annotations
@@ -65,7 +68,8 @@ class ShapeSet:
         self.name = self.folder.resolve().name
         self._files = _meshes(self.folder) or _meshes(self.folder / "off")
         # Parts of shapes that stand beside them.
-        wholes = _meshes(self.folder.parent / "null" / "off") if self.name != "null" else {}
+        null = self.folder.parent / "null"
+        wholes = _meshes(null / "off") or _meshes(null) if self.name != "null" else {}
         self._whole = {name: whole for name in self._files if (whole := _whole_of(name, self.name)) in wholes}
         self._files |= {name: wholes[name] for name in set(self._whole.values())}
         path = next((p for name in PAIRS if (p := self.folder / name).exists()), None)
@@ -74,11 +78,15 @@ class ShapeSet:
             raise layout_error(f'{path or self.folder}: asks for no map; write a line "A B" for each')
 
     def _all_pairs(self) -> list[tuple[str, str]]:
-        """Parts with their wholes, or all meshes of a class with one another, if their truth is published."""
+        """Parts with their wholes, or what has a map, or all of a class with one another, if their truth is
+        published."""
         if self._whole:
             return sorted(self._whole.items())
+        halves = (path.stem.split("_") for path in sorted((self.folder / "corres").glob("*.map")))
+        cuts = (("_".join(x[:k]), "_".join(x[k:])) for x in halves for k in range(1, len(x)))
+        mapped = [(a, b) for a, b in cuts if a in self._files and b in self._files]
         known = sorted(name for name in self._files if self._published(name, ".vts").exists())
-        return [(a, b) for a, b in permutations(known, 2) if _folder_of(a) == _folder_of(b)]
+        return mapped or [(a, b) for a, b in permutations(known, 2) if _folder_of(a) == _folder_of(b)]
 
     def pairs(self) -> list[tuple[str, str]]:
         return list(self._pairs)
@@ -124,6 +132,8 @@ class ShapeSet:
     def _direct(self, a, b, vertices_a):
         found = self._columns(a, b, ".txt")
         if found is None:
+            found = self._between_classes(a, b)
+        if found is None:
             found = self._lists(a, b, ".txt")
         if found is None:
             found = self._images(a, b, vertices_a)
@@ -140,6 +150,8 @@ class ShapeSet:
         found = self._columns(a, b, ".sym.txt")
         if found is None:
             found = self._lists(a, b, ".sym.txt")
+        if found is None:
+            found = self._on_whole(a, b, ".baryc_gt_sym")
         if found is None and _class(a) == _class(b):
             samples = self.folder / "samples" / f"{_class(a)}.txt"
             if samples.exists():
@@ -157,7 +169,7 @@ class ShapeSet:
 
     def _lists(self, a, b, ending):
         (path_a, first_a), (path_b, first_b) = self._list(a, ".txt"), self._list(b, ending)
-        if not (path_a.exists() and path_b.exists()) or a in self._whole:
+        if not (path_a.exists() and path_b.exists()) or a in self._whole or _folder_of(a) != _folder_of(b):
             return None
         ids_a, ids_b = _ids(path_a) - first_a, _ids(path_b) - first_b
         if len(ids_a) != len(ids_b):
@@ -173,8 +185,48 @@ class ShapeSet:
     def _published(self, name: str, ending: str) -> Path:
         return self.folder / "corres" / f"{name}{ending}"
 
+    def _between_classes(self, a, b):
+        """Truth by the references of two classes: which line of one belongs to each line of the other."""
+        if _folder_of(a) == _folder_of(b):
+            return None
+        for first, second, order in ((a, b, (0, 1)), (b, a, (1, 0))):
+            classes = f"{_folder_of(first)}_{_folder_of(second)}"
+            path = self._published(f"cross_category_corres/{classes}", ".vts")
+            if path.exists():
+                ids_1, ids_2 = (_ids(self._published(name, ".vts")) - 1 for name in (first, second))
+                lines = _ids(path) - 1
+                if len(lines) != len(ids_1) or lines.max(initial=-1) >= len(ids_2):
+                    raise set_error(
+                        f"{path}: {len(lines)} lines up to {lines.max(initial=-1) + 1} are not a line of "
+                        f"{second} ({len(ids_2)}) for each of {first} ({len(ids_1)})"
+                    )
+                columns = ids_1[lines >= 0], ids_2[lines[lines >= 0]]
+                both = (columns[0] >= 0) & (columns[1] >= 0)
+                return columns[order[0]][both], columns[order[1]][both]
+        return None
+
+    def _on_whole(self, a, b, ending):
+        """Truth of a part by points on its whole: the heaviest corner of each vertex's triangle."""
+        part, whole = (a, b) if a in self._whole else (b, a)
+        if self._whole.get(part) != whole:
+            return None
+        path = self._files[part].with_name(f"{part}{ending}")
+        if not path.exists():
+            return None
+        points = _numbers(path, 4)
+        faces = self.mesh(whole)[1]
+        triangles = points[:, 0].astype(np.int64) - 1
+        if len(triangles) and not 0 <= triangles.min() <= triangles.max() < len(faces):
+            raise set_error(f"{path}: names a triangle that {whole} with its {len(faces)} does not have")
+        images = faces[triangles, points[:, 1:].argmax(axis=1)]
+        every = np.arange(len(images))
+        return (every, images) if part == a else (images, every)
+
     def _images(self, a, b, vertices_a):
         """Truth by the images of all vertices of one of the two."""
+        found = self._on_whole(a, b, ".baryc_gt")
+        if found is not None:
+            return found
         if self._whole.get(a) == b or self._whole.get(b) == a:
             of_a = a in self._whole
             images = _ids(self._published(a if of_a else b, ".vts")) - 1
@@ -225,7 +277,7 @@ def find_sets(folder, names: Iterable[str] | None = None) -> list[ShapeSet]:
 
 
 def _is_set(folder: Path) -> bool:
-    return any((folder / name).exists() for name in (*PAIRS, "corres"))
+    return any((folder / name).exists() for name in (*PAIRS, "corres")) or any(folder.glob("*.baryc_gt"))
 
 
 def _meshes(folder: Path) -> dict[str, Path]:
@@ -276,13 +328,19 @@ def _text(path: Path) -> str:
 
 def _ids(path: Path, columns: int = 1) -> np.ndarray:
     """Vertex ids of a file, (lines,) or (lines, columns)."""
+    found = _numbers(path, columns, np.int64, "vertex id(s)")
+    return found if columns > 1 else found.reshape(-1)
+
+
+def _numbers(path: Path, columns: int, dtype: type = np.float64, what: str = "numbers") -> np.ndarray:
+    """Table of a file, (lines, columns)."""
     try:
-        found = np.loadtxt(path, dtype=np.int64, ndmin=2)
+        found: np.ndarray = np.loadtxt(path, dtype=dtype, ndmin=2)
         if found.size and found.shape[1] != columns:
             raise ValueError(f"it has {found.shape[1]}")
     except (OSError, ValueError, OverflowError) as error:
-        raise set_error(f"{path}: should have {columns} vertex id(s) a line: {error}") from error
-    return found.reshape(-1, columns) if columns > 1 else found.reshape(-1)
+        raise set_error(f"{path}: should have {columns} {what} a line: {error}") from error
+    return found.reshape(-1, columns)
 
 
 def check_ids(ids, count: int) -> None:
