@@ -4,6 +4,8 @@
 //! The file holds the number of sources and of vertices as u32, the source ids as u32, then the
 //! distances source by source as f32, little-endian, in the units of the OFF file.
 
+mod off;
+
 use std::error::Error;
 use std::io::Write;
 use std::time::Instant;
@@ -19,7 +21,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let path = arguments.next().ok_or("which OFF file?")?;
     let output = arguments.next().ok_or("which output file?")?;
     let count: usize = arguments.next().map_or(Ok(20), |s| s.parse())?;
-    let (vertices, faces) = read_off(&std::fs::read_to_string(path)?)?;
+    let (vertices, faces) = off::read(&std::fs::read_to_string(path)?)?;
     let mesh = Mesh::new(&vertices, &faces)?;
 
     let begin = Instant::now();
@@ -61,30 +63,4 @@ fn main() -> Result<(), Box<dyn Error>> {
         }
     }
     Ok(())
-}
-
-type Triangles = (Vec<[f64; 3]>, Vec<[i64; 3]>);
-
-fn read_off(text: &str) -> Result<Triangles, Box<dyn Error>> {
-    let mut words = text
-        .lines()
-        .map(|line| line.split('#').next().unwrap_or(""))
-        .flat_map(str::split_whitespace)
-        .skip(1);
-    let mut next = || words.next().ok_or("the file ends early");
-    let (vertices, faces): (usize, usize) = (next()?.parse()?, next()?.parse()?);
-    next()?;
-    let mut positions = Vec::with_capacity(vertices);
-    for _ in 0..vertices {
-        positions.push([next()?.parse()?, next()?.parse()?, next()?.parse()?]);
-    }
-    let mut triangles = Vec::with_capacity(faces);
-    for _ in 0..faces {
-        let corners: usize = next()?.parse()?;
-        let face: Vec<i64> = (0..corners)
-            .map(|_| Ok(next()?.parse()?))
-            .collect::<Result<_, Box<dyn Error>>>()?;
-        triangles.push(face.try_into().map_err(|_| "triangles only")?);
-    }
-    Ok((positions, triangles))
 }

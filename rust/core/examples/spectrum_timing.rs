@@ -4,6 +4,8 @@
 // Indices of these meshes are far below 2^63.
 #![allow(clippy::cast_possible_wrap)]
 
+mod off;
+
 use std::time::Instant;
 
 use sgmds_core::mesh::Mesh;
@@ -14,7 +16,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut arguments = std::env::args().skip(1);
     let k: usize = arguments.next().map_or(Ok(200), |a| a.parse())?;
     let (vertices, faces) = match arguments.next() {
-        Some(path) => read_off(&std::fs::read_to_string(path)?)?,
+        Some(path) => off::read(&std::fs::read_to_string(path)?)?,
         None => blob(71, 70),
     };
     let mesh = Mesh::new(&vertices, &faces)?;
@@ -38,31 +40,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-type Surface = (Vec<[f64; 3]>, Vec<[i64; 3]>);
-
-fn read_off(text: &str) -> Result<Surface, Box<dyn std::error::Error>> {
-    let mut numbers = text.split_whitespace().skip(1);
-    let mut next = || numbers.next().ok_or("the file ends early");
-    let (n, m): (usize, usize) = (next()?.parse()?, next()?.parse()?);
-    next()?;
-    let mut vertices = vec![[0.0; 3]; n];
-    for p in &mut vertices {
-        for x in p {
-            *x = next()?.parse()?;
-        }
-    }
-    let mut faces = vec![[0; 3]; m];
-    for f in &mut faces {
-        next()?;
-        for v in f {
-            *v = next()?.parse()?;
-        }
-    }
-    Ok((vertices, faces))
-}
-
 /// A sphere with lobes: rings of latitude between two poles.
-fn blob(rings: usize, around: usize) -> Surface {
+fn blob(rings: usize, around: usize) -> off::Triangles {
     let at = |theta: f64, phi: f64| {
         let r = 1.0 + 0.3 * (3.0 * theta).cos() * (2.0 * phi).sin() * theta.sin();
         [
