@@ -5,8 +5,9 @@
 
 The version of Cargo.toml is that of the extension's manifest and of CITATION.cff; every platform of the
 manifest has a wheel in the release workflow and notices for its target; the manifest credits whoever holds
-copyright on bundled code, as THIRD_PARTY_NOTICES.txt names it. With a tag, it is the version, and the
-changelog has a section for it and nothing unreleased. Exit status 1, with a line for each fault.
+copyright on bundled code, as THIRD_PARTY_NOTICES.txt names it; the changelog has a section for the version or
+something unreleased. With a tag, it is the version, and the changelog has a section for it and nothing
+unreleased. Exit status 1, with a line for each fault.
 """
 
 import argparse
@@ -60,15 +61,14 @@ def faults(tag: str | None) -> list[str]:
     found += [f"{target} is built, but has no notices" for target in sorted(set(built) - set(TARGETS))]
     if not any(NOTICES in line for line in manifest["copyright"]):
         found.append(f"`copyright` of the manifest does not credit what the wheel bundles ({NOTICES})")
-    if tag is None:
-        return found
-    if tag != f"v{version}":
-        found.append(f"the tag {tag} is not v{version}")
     sections = dict(re.findall(r"(?ms)^## ([^\n]+)\n(.*?)(?=^## |\Z)", text("CHANGELOG.md")))
-    if sections.get("Unreleased", "").strip():
-        found.append("CHANGELOG.md has unreleased entries")
-    if not any(name.split()[0] == version for name in sections):
+    unreleased = bool(sections.get("Unreleased", "").strip())
+    if not any(name.split()[0] == version for name in sections) and (tag or not unreleased):
         found.append(f"CHANGELOG.md has no section {version}")
+    if tag and unreleased:
+        found.append("CHANGELOG.md has unreleased entries")
+    if tag and tag != f"v{version}":
+        found.append(f"the tag {tag} is not v{version}")
     return found
 
 
