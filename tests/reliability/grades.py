@@ -5,7 +5,8 @@
     python tests/reliability/grades.py judge OUT.jsonl ...
 
 `collect` matches pairs of one half of the bodies, 0 or 1, and adds a line a map to OUT. KIND is "wide",
-"parts" or "holes", bodies of random_bodies.py; "sets", pairs of DATA as `sgmds evaluate` reads it; or
+"parts" or "holes", bodies of random_bodies.py; "solids", these with a torus, a sphere, a cube and a pipe, all
+of whose maps are wrong; "sets", pairs of DATA as `sgmds evaluate` reads it; or
 "characters", rigged ones of a FOLDER whose own evaluate.py reads and scores them and whose pairs.json tells
 which can be compared: right is what has the bone, or its neighbour, of the matched point on 0.8 of the area.
 `judge` fits the coefficients to the maps of half 0 and prints for both halves how well they tell right from
@@ -24,7 +25,7 @@ import random_bodies as bodies
 import sgmds
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from separation import area_under_roc
+from separation import area_under_roc, solids
 from sgmds.evaluation import TruthDistances, find_sets, pair_errors
 from verdict import WRONG_ABOVE
 
@@ -47,6 +48,16 @@ def generated(options):
         found, away = bodies.matched(source, target, faces)
         error = 100 * away.mean() / np.sqrt(bodies.area(source.vertices, source.faces).sum())
         yield f"{kind} {name}", f"{kind} {other}", found, error, error < WRONG_ABOVE
+
+
+def with_solids(options):
+    drawn = argparse.Namespace(parts=False, holes=False, wide=True, both_ways=False, pairs=options.pairs)
+    rng = np.random.default_rng(50 + options.half)
+    for _, kind, ((name, body), _) in bodies.drawn_pairs(drawn, rng):
+        for other, solid in solids(2500):
+            pair = [(f"{kind} {name}", (body.vertices, body.faces)), (other, solid)]
+            (a, source), (b, target) = pair if rng.random() < 0.5 else pair[::-1]
+            yield a, b, sgmds.match(source, target), np.nan, False
 
 
 def of_sets(options):
@@ -91,7 +102,8 @@ def of_characters(options):
 
 
 def collect(options):
-    drawn = {"sets": of_sets, "characters": of_characters}.get(options.kind, generated)
+    known = {"solids": with_solids, "sets": of_sets, "characters": of_characters}
+    drawn = known.get(options.kind, generated)
     for source, target, found, error, right in drawn(options):
         row = {
             "kind": options.kind,
@@ -160,7 +172,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     commands = parser.add_subparsers(required=True)
     collecting = commands.add_parser("collect")
-    collecting.add_argument("kind", choices=("wide", "parts", "holes", "sets", "characters"))
+    collecting.add_argument("kind", choices=("wide", "parts", "holes", "solids", "sets", "characters"))
     collecting.add_argument("half", type=int, choices=(0, 1))
     collecting.add_argument("out")
     collecting.add_argument("--pairs", type=int, default=40)

@@ -212,8 +212,9 @@ struct Sent {
 /// The images, those of a piece of the target on one piece of the source where nearly all of them can be.
 ///
 /// Hair, a beard or a cap over one of two heads would else draw that part of the other's face to itself. A piece goes to that of
-/// the source which has most of its images, if `PULL_BACK.covers` of its vertices come within reach of it. One that carries nearly
-/// all that is seen answers for skin and clothes alike and stays, and small ones go to their counterparts.
+/// the source, of those with any of its images, whose shape is most like its own, or else to the one which has most of them, if
+/// `PULL_BACK.covers` of its vertices come within reach of it. One that carries nearly all that is seen answers for skin and clothes
+/// alike and stays, and small ones go to their counterparts.
 fn kept_together(
     source: &Figure,
     target: &Figure,
@@ -237,41 +238,77 @@ fn kept_together(
             .map(|&v| of_face(sent[v as usize].placed.point.face))
             .collect();
         on.sort_unstable();
-        let runs = on.chunk_by(|a, b| a == b);
-        let Some(most) = runs.max_by_key(|run| run.len()) else {
-            continue;
-        };
         let places = own.places(&piece.0);
         let is_small = extent(&places).1 <= small;
-        if most.len() == places.len() || is_small || seen >= FIGURE.carries_all * all {
+        if on.first() == on.last() || is_small || seen >= FIGURE.carries_all * all {
             continue;
         }
-        let is_of_it = |face: u32| of_face(face) == most[0];
-        let drawn = |v: &u32| sent[*v as usize].drawn_to(given, is_of_it, reach);
-        let drawn: Vec<Option<SurfacePoint>> = piece.0.par_iter().map(drawn).collect();
-        if (drawn.iter().flatten().count() as f64) < PULL_BACK.covers * places.len() as f64 {
-            continue;
+        let mut best: Option<Drawn> = None;
+        for run in on.chunk_by(|a, b| a == b) {
+            let is_of_it = |face: u32| of_face(face) == run[0];
+            let drawn = |v: &u32| sent[*v as usize].drawn_to(given, is_of_it, reach);
+            let points: Vec<Option<SurfacePoint>> = piece.0.par_iter().map(drawn).collect();
+            if (points.iter().flatten().count() as f64) < PULL_BACK.covers * places.len() as f64 {
+                continue;
+            }
+            let pairs: Vec<(Point, Point, f64)> = (places.iter().zip(&points))
+                .filter_map(|(&place, point)| Some((place, given.position(point.as_ref()?), 1.0)))
+                .collect();
+            let there = Similarity::fitted(&pairs, mirrored);
+            let other = (given, &theirs[run[0] as usize]);
+            let moved = |p| there.apply(p);
+            let laid = laid_by_shape((own, &piece), other, moved, PULL_BACK.like)?;
+            let (cost, laid) =
+                laid.map_or((f64::INFINITY, None), |(cost, laid)| (cost, Some(laid)));
+            let found = Drawn {
+                share: run.len() as f64 / places.len() as f64,
+                cost,
+                points,
+                laid,
+            };
+            if best.as_ref().is_none_or(|best| found.is_before(best)) {
+                best = Some(found);
+            }
         }
-        let pairs: Vec<(Point, Point, f64)> = (places.iter().zip(&drawn))
-            .filter_map(|(&place, point)| Some((place, given.position(point.as_ref()?), 1.0)))
-            .collect();
-        for (&v, point) in piece.0.iter().zip(drawn) {
+        let Some(Drawn {
+            share,
+            points,
+            laid,
+            ..
+        }) = best
+        else {
+            continue;
+        };
+        for (&v, point) in piece.0.iter().zip(points) {
             let placed = &mut sent[v as usize].placed;
             placed.point = point.unwrap_or(placed.point);
         }
-        if most.len() as f64 > COUNTERPARTS.held * places.len() as f64 {
-            continue;
-        }
-        // What was matched of it is more of what lies over it: where both have one shape, that tells more.
-        let there = Similarity::fitted(&pairs, mirrored);
-        let other = (given, &theirs[most[0] as usize]);
-        let moved = |p| there.apply(p);
-        let laid = laid_by_shape((own, &piece), other, moved, PULL_BACK.like)?;
-        for (&v, point) in piece.0.iter().zip(laid.into_iter().flatten()) {
-            sent[v as usize].placed.point = point;
+        // What was matched of little of it is more of what lies over it: where both have one shape, that tells more.
+        if share <= COUNTERPARTS.held {
+            for (&v, point) in piece.0.iter().zip(laid.into_iter().flatten()) {
+                sent[v as usize].placed.point = point;
+            }
         }
     }
     Ok(sent.into_iter().map(|sent| sent.placed).collect())
+}
+
+/// A piece of the target drawn to one of the source.
+struct Drawn {
+    /// Share of its images that were there.
+    share: f64,
+    /// What it costs by its shape, infinite where that is not like.
+    cost: f64,
+    /// Where its vertices come to lie, by their images and by its shape.
+    points: Vec<Option<SurfacePoint>>,
+    laid: Option<Vec<SurfacePoint>>,
+}
+
+impl Drawn {
+    /// Whether it is the better one: more alike, or with more of the images where none is.
+    fn is_before(&self, other: &Self) -> bool {
+        (self.cost, -self.share) < (other.cost, -other.share)
+    }
 }
 
 impl Sent {

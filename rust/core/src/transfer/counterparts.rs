@@ -115,8 +115,8 @@ fn distance_from(surface: &Surface, other: &Surface) -> f64 {
 }
 
 /// The vertices of a piece on another surface's piece of a shape like its own, each on the nearest point once both have one
-/// centre and one size; nothing where the other costs more than `most`. Both are given by their vertices and triangles, and
-/// `moved` takes a place to the other surface.
+/// centre and one size, and what the other costs; nothing where that is more than `most`. Both are given by their vertices and
+/// triangles, and `moved` takes a place to the other surface.
 ///
 /// # Errors
 /// None beyond those of [`Surface::new`], which pieces of surfaces satisfy.
@@ -125,7 +125,7 @@ pub(crate) fn laid_by_shape(
     (other, theirs): (&Surface, &Members),
     moved: impl Fn(Point) -> Point,
     most: f64,
-) -> Result<Option<Vec<SurfacePoint>>> {
+) -> Result<Option<(f64, Vec<SurfacePoint>)>> {
     let (piece, counterpart) = (
         Piece::new(surface, own, moved)?,
         Piece::new(other, theirs, |p| p)?,
@@ -133,8 +133,8 @@ pub(crate) fn laid_by_shape(
     let (Some(piece), Some(counterpart)) = (piece, counterpart) else {
         return Ok(None);
     };
-    let is_like = piece.cost(&counterpart).is_some_and(|cost| cost <= most);
-    Ok(is_like.then(|| piece.laid_on(&counterpart).collect()))
+    let cost = piece.cost(&counterpart).filter(|&cost| cost <= most);
+    Ok(cost.map(|cost| (cost, piece.laid_on(&counterpart).collect())))
 }
 
 /// The members of each of `count` pieces.

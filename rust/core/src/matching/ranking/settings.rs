@@ -44,7 +44,8 @@ settings! {
         margin_at_most: f64 = 2.0,
     }
 
-    /// How likely a map is right: coefficients of a logistic regression (docs/decisions/076).
+    /// How likely a map is right: coefficients of a logistic regression, of 173 right and 77 wrong maps
+    /// (docs/decisions/076).
     EVIDENCE: Evidence {
         /// Of nothing else.
         constant: f64 = -7.7,
