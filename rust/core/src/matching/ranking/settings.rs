@@ -80,8 +80,8 @@ settings! {
         /// green: of 250 maps that the coefficients were fitted to none of 77 wrong ones has more than 0.935.
         score: (f64, f64) = (0.5, 0.95),
         /// Least margin of a green map: a body turned front to back may say all else as well as the right one, and
-        /// between the equal maps of an ellipsoid it is up to 1.12.
-        least_margin: f64 = 1.15,
+        /// between the equal maps of an ellipsoid it is 1.17.
+        least_margin: f64 = 1.2,
         /// Margin at which another map is clearly better than the chosen one, and from which it is no rival.
         margin: (f64, f64) = (0.85, 1.35),
         /// Distance from the chosen map at which an alternative's score falls to 1/e.
