@@ -1032,9 +1032,9 @@ MESSAGES = (
     ("no candidate stood in the vote", "残った候補がありません", "没有候选通过表决"),
     ("distances, curvatures and orientation agree", "距離・曲率・向きが一致", "距离、曲率和朝向一致"),
     (
-        "the bodies differ, but all that was compared says together that the map is right ({} %)",
-        "体形は異なりますが、比較全体からは正しいマップです({} %)",
-        "体形有差异,但综合比较表明映射正确({} %)",
+        "not all that was compared agrees, but together it says that the map is right ({} %)",
+        "一致しない点もありますが、全体としては正しいマップです({} %)",
+        "部分比较不一致,但综合来看映射正确({} %)",
     ),
     (
         "this method does not judge its map: look at it",

@@ -130,9 +130,9 @@ TABLE = (
     ),
     ("The bodies have different proportions", "体の比率が異なります", "身体比例不同"),
     (
-        "The bodies differ, but all signs together say it is right",
-        "体形は異なりますが、全体として正しい結果です",
-        "体形有差异,但综合来看是正确的",
+        "Not all signs agree, but together they say it is right",
+        "一致しない点もありますが、全体として正しい結果です",
+        "并非所有迹象一致,但综合来看是正确的",
     ),
     (
         "Limbs may have grown together where they touch",

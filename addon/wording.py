@@ -21,7 +21,7 @@ PLAIN = (
     ("left and right are hard to tell apart", "Left and right are hard to tell apart: look at Colors"),
     ("the surface turns in places", "Some places may be turned: look at Colors"),
     ("the shapes differ, or one is a part", "The shapes differ much, or one lacks parts of the other"),
-    ("says together that the map is right", "The bodies differ, but all signs together say it is right"),
+    ("together it says that the map is right", "Not all signs agree, but together they say it is right"),
     ("the bodies differ", "The bodies have different proportions"),
     ("unconnected part", "Loose parts were left out of the search: look at Colors"),
     ("is seen was placed beside", "Some parts have no match of their own: look at Confidence"),

@@ -34,14 +34,14 @@ WRONG_OF_SETS = 8
 RIGHT_OF_CHARACTERS = 0.8
 
 
+def drawn_as(kind, pairs):
+    """What random_bodies.py is told to draw pairs of a kind."""
+    kinds = {name: name == kind for name in ("parts", "holes", "wide")}
+    return argparse.Namespace(**kinds, both_ways=True, pairs=pairs)
+
+
 def generated(options):
-    drawn = argparse.Namespace(
-        parts=options.kind == "parts",
-        holes=options.kind == "holes",
-        wide=options.kind == "wide",
-        both_ways=True,
-        pairs=options.pairs,
-    )
+    drawn = drawn_as(options.kind, options.pairs)
     rng = np.random.default_rng(100 + options.half)
     for number, kind, ((name, source), (other, target)) in bodies.drawn_pairs(drawn, rng):
         faces = bodies.faces_left(source, target, number, drawn, rng)
@@ -51,7 +51,7 @@ def generated(options):
 
 
 def with_solids(options):
-    drawn = argparse.Namespace(parts=False, holes=False, wide=True, both_ways=False, pairs=options.pairs)
+    drawn = drawn_as("wide", options.pairs)
     rng = np.random.default_rng(50 + options.half)
     for _, kind, ((name, body), _) in bodies.drawn_pairs(drawn, rng):
         for other, solid in solids(2500):
@@ -114,22 +114,11 @@ def collect(options):
             "right": bool(right),
             "grade": found.quality.grade,
             "figures": found.quality.figures,
+            "evidence": found._raw.evidence,
         }
         with open(options.out, "a", encoding="utf-8") as file:
             file.write(json.dumps(row) + "\n")
         print(f"{source} → {target}: {error:.2f} {'right' if right else 'wrong'} {row['grade']}", flush=True)
-
-
-def evidence(figures):
-    """One, and what the score weighs, in the order of the settings."""
-    return (
-        1.0,
-        figures["agreement"],
-        figures["orientation"],
-        np.log(figures["local_distortion"] + 0.002),
-        np.clip((figures["margin"] - 0.85) / 0.5, 0, 1),
-        float(figures["torn"] > 0),
-    )
 
 
 def fitted(x, y, ridge=0.3, steps=60):
@@ -150,14 +139,17 @@ def probability(x, coefficients):
 
 def judge(options):
     rows = [json.loads(line) for path in options.files for line in open(path, encoding="utf-8")]
-    rows = [row for row in rows if "margin" in row["figures"]]
+    rows = [row for row in rows if row["evidence"]]
     halves = [[row for row in rows if row["half"] == half] for half in (0, 1)]
-    x, y = (np.array(v) for v in zip(*((evidence(r["figures"]), r["right"]) for r in halves[0]), strict=True))
-    coefficients = fitted(x, y).round(1)
+
+    def known(rows):
+        return np.array([(1.0, *row["evidence"]) for row in rows]), np.array([row["right"] for row in rows])
+
+    coefficients = fitted(*known(halves[0])).round(1)
     print("constant, agreement, orientation, distortion, clarity, torn:", *coefficients)
     for half, own in enumerate(halves):
-        p = probability(np.array([evidence(row["figures"]) for row in own]), coefficients)
-        right = np.array([row["right"] for row in own])
+        x, right = known(own)
+        p = probability(x, coefficients)
         area = area_under_roc(p[right], p[~right])
         print(f"half {half}: {right.sum()} right, {(~right).sum()} wrong, area {area:.3f}", end="")
         print(f", wrong ones up to {p[~right].max(initial=0):.3f}")

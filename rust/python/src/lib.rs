@@ -330,6 +330,13 @@ impl RawMatch {
         small(&self.source) && small(&self.target)
     }
 
+    /// What the score of the quality weighs, nothing where nothing was measured.
+    #[getter]
+    fn evidence(&self) -> Option<[f64; 5]> {
+        let metrics = self.map().metrics.as_ref()?;
+        Some(quality::evidence(metrics, self.map().coverage))
+    }
+
     /// Grade, reasons and metrics.
     #[getter]
     fn quality<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {

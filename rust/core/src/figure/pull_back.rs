@@ -6,6 +6,8 @@
 //! counterpart where there is one, else with what lies around it. A piece of some size that comes to lie on several of the source's
 //! is drawn to one of them where it can be.
 
+use std::cmp::Ordering;
+
 use rayon::prelude::*;
 
 use super::{Figure, copies, largest};
@@ -15,7 +17,7 @@ use crate::error::Result;
 use crate::figure::settings::{FIGURE, PULL_BACK};
 use crate::matching::Correspondence;
 use crate::mesh::surface_point::SurfacePoint;
-use crate::transfer::counterparts::{extent, laid_by_shape, largest_small, members};
+use crate::transfer::counterparts::{Members, Piece, extent, largest_small, members};
 use crate::transfer::parts::components;
 use crate::transfer::settings::COUNTERPARTS;
 use crate::transfer::surface::blend;
@@ -226,6 +228,9 @@ fn kept_together(
     let (piece, count) = components(own);
     let (source_piece, source_count) = components(given);
     let theirs = members(given, &source_piece, source_count);
+    let theirs: Vec<Option<Piece>> = (theirs.iter())
+        .map(|members| Piece::new(given, members, |p| p))
+        .collect::<Result<_>>()?;
     let of_face = |face: u32| source_piece[given.triangles[face as usize][0] as usize];
     let mut seen = vec![0.0; count];
     for (face, area) in (target.welded.faces.iter()).zip(target.visible.iter().flatten()) {
@@ -243,51 +248,31 @@ fn kept_together(
         if on.first() == on.last() || is_small || seen >= FIGURE.carries_all * all {
             continue;
         }
-        let mut best: Option<Drawn> = None;
-        for run in on.chunk_by(|a, b| a == b) {
+        let count = places.len() as f64;
+        let drawn = |run: &[u32]| {
             let is_of_it = |face: u32| of_face(face) == run[0];
             let drawn = |v: &u32| sent[*v as usize].drawn_to(given, is_of_it, reach);
             let points: Vec<Option<SurfacePoint>> = piece.0.par_iter().map(drawn).collect();
-            if (points.iter().flatten().count() as f64) < PULL_BACK.covers * places.len() as f64 {
-                continue;
-            }
-            let pairs: Vec<(Point, Point, f64)> = (places.iter().zip(&points))
-                .filter_map(|(&place, point)| Some((place, given.position(point.as_ref()?), 1.0)))
-                .collect();
-            let there = Similarity::fitted(&pairs, mirrored);
-            let other = (given, &theirs[run[0] as usize]);
-            let moved = |p| there.apply(p);
-            let laid = laid_by_shape((own, &piece), other, moved, PULL_BACK.like)?;
-            let (cost, laid) =
-                laid.map_or((f64::INFINITY, None), |(cost, laid)| (cost, Some(laid)));
-            let found = Drawn {
-                share: run.len() as f64 / places.len() as f64,
-                cost,
+            let covered = points.iter().flatten().count() as f64;
+            (covered >= PULL_BACK.covers * count).then(|| Drawn {
+                piece: run[0] as usize,
+                share: run.len() as f64 / count,
                 points,
-                laid,
-            };
-            if best.as_ref().is_none_or(|best| found.is_before(best)) {
-                best = Some(found);
+                by_shape: None,
+            })
+        };
+        let mut candidates: Vec<Drawn> = (on.chunk_by(|a, b| a == b)).filter_map(drawn).collect();
+        if candidates.len() > 1 || candidates.iter().any(|drawn| !drawn.is_matched()) {
+            for drawn in &mut candidates {
+                drawn.lay((own, &piece), given, theirs[drawn.piece].as_ref(), mirrored)?;
             }
         }
-        let Some(Drawn {
-            share,
-            points,
-            laid,
-            ..
-        }) = best
-        else {
+        let Some(best) = candidates.into_iter().min_by(Drawn::compare) else {
             continue;
         };
-        for (&v, point) in piece.0.iter().zip(points) {
+        for (&v, point) in piece.0.iter().zip(best.places()) {
             let placed = &mut sent[v as usize].placed;
             placed.point = point.unwrap_or(placed.point);
-        }
-        // What was matched of little of it is more of what lies over it: where both have one shape, that tells more.
-        if share <= COUNTERPARTS.held {
-            for (&v, point) in piece.0.iter().zip(laid.into_iter().flatten()) {
-                sent[v as usize].placed.point = point;
-            }
         }
     }
     Ok(sent.into_iter().map(|sent| sent.placed).collect())
@@ -295,19 +280,57 @@ fn kept_together(
 
 /// A piece of the target drawn to one of the source.
 struct Drawn {
+    /// The source's.
+    piece: usize,
     /// Share of its images that were there.
     share: f64,
-    /// What it costs by its shape, infinite where that is not like.
-    cost: f64,
-    /// Where its vertices come to lie, by their images and by its shape.
+    /// Where its images come to lie.
     points: Vec<Option<SurfacePoint>>,
-    laid: Option<Vec<SurfacePoint>>,
+    /// What it costs by its shape, and where that lays it; nothing where that is not like.
+    by_shape: Option<(f64, Vec<SurfacePoint>)>,
 }
 
 impl Drawn {
-    /// Whether it is the better one: more alike, or with more of the images where none is.
-    fn is_before(&self, other: &Self) -> bool {
-        (self.cost, -self.share) < (other.cost, -other.share)
+    /// Whether what was matched of it tells where it lies.
+    fn is_matched(&self) -> bool {
+        self.share > COUNTERPARTS.held
+    }
+
+    /// Lays it by its shape, its images saying where.
+    fn lay(
+        &mut self,
+        (own, piece): (&Surface, &Members),
+        given: &Surface,
+        other: Option<&Piece>,
+        mirrored: bool,
+    ) -> Result<()> {
+        let pairs: Vec<(Point, Point, f64)> = (own.places(&piece.0).iter().zip(&self.points))
+            .filter_map(|(&place, point)| Some((place, given.position(point.as_ref()?), 1.0)))
+            .collect();
+        let there = Similarity::fitted(&pairs, mirrored);
+        let piece = Piece::new(own, piece, |p| there.apply(p))?;
+        if let (Some(piece), Some(other)) = (piece, other) {
+            self.by_shape = (piece.cost(other).filter(|&cost| cost <= PULL_BACK.like))
+                .map(|cost| (cost, piece.laid_on(other).collect()));
+        }
+        Ok(())
+    }
+
+    /// The better one first: that which is more alike, or that with more of the images where none is.
+    fn compare(&self, other: &Self) -> Ordering {
+        let cost = |drawn: &Self| drawn.by_shape.as_ref().map_or(f64::INFINITY, |laid| laid.0);
+        (cost(self).total_cmp(&cost(other))).then(other.share.total_cmp(&self.share))
+    }
+
+    /// Where its vertices come to lie. What was matched of little of it is more of what lies over it: where both have one shape,
+    /// that tells more.
+    fn places(self) -> Vec<Option<SurfacePoint>> {
+        match self.by_shape {
+            Some((_, laid)) if self.share <= COUNTERPARTS.held => {
+                laid.into_iter().map(Some).collect()
+            }
+            _ => self.points,
+        }
     }
 }
 

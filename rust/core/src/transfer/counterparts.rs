@@ -22,7 +22,7 @@ use crate::transfer::surface_map::SurfaceMap;
 pub(crate) type Members = (Vec<u32>, Vec<u32>);
 
 /// A connected piece of a surface.
-struct Piece<'a> {
+pub(crate) struct Piece<'a> {
     /// Its vertices and triangles on the surface.
     vertices: &'a [u32],
     triangles: &'a [u32],
@@ -35,7 +35,7 @@ struct Piece<'a> {
 
 impl<'a> Piece<'a> {
     /// A piece whose vertices are moved; nothing where they are at one place.
-    fn new(
+    pub(crate) fn new(
         surface: &Surface,
         (vertices, triangles): &'a Members,
         moved: impl Fn(Point) -> Point,
@@ -65,7 +65,7 @@ impl<'a> Piece<'a> {
 
     /// What another piece costs as the counterpart of this one; nothing where it is too far away, too large or too small, or
     /// costs too much.
-    fn cost(&self, other: &Self) -> Option<f64> {
+    pub(crate) fn cost(&self, other: &Self) -> Option<f64> {
         let ratio = self.radius / other.radius;
         let offset = vector::distance(self.centre, other.centre) / self.radius.max(other.radius);
         if ratio.max(1.0 / ratio) > COUNTERPARTS.largest_ratio
@@ -80,7 +80,7 @@ impl<'a> Piece<'a> {
     }
 
     /// Where its vertices come to lie on another piece, on that piece's surface.
-    fn laid_on(&self, other: &Self) -> impl Iterator<Item = SurfacePoint> {
+    pub(crate) fn laid_on(&self, other: &Self) -> impl Iterator<Item = SurfacePoint> {
         self.normalised.vertices.iter().map(|&goal| {
             let SurfacePoint { face, weights } = other.normalised.nearest(goal);
             SurfacePoint {
@@ -112,29 +112,6 @@ pub(crate) fn largest_small(surface: &Surface) -> f64 {
 fn distance_from(surface: &Surface, other: &Surface) -> f64 {
     let off = |&p: &Point| vector::distance(p, other.position(&other.nearest(p)));
     surface.vertices.iter().map(off).sum::<f64>() / surface.vertices.len() as f64
-}
-
-/// The vertices of a piece on another surface's piece of a shape like its own, each on the nearest point once both have one
-/// centre and one size, and what the other costs; nothing where that is more than `most`. Both are given by their vertices and
-/// triangles, and `moved` takes a place to the other surface.
-///
-/// # Errors
-/// None beyond those of [`Surface::new`], which pieces of surfaces satisfy.
-pub(crate) fn laid_by_shape(
-    (surface, own): (&Surface, &Members),
-    (other, theirs): (&Surface, &Members),
-    moved: impl Fn(Point) -> Point,
-    most: f64,
-) -> Result<Option<(f64, Vec<SurfacePoint>)>> {
-    let (piece, counterpart) = (
-        Piece::new(surface, own, moved)?,
-        Piece::new(other, theirs, |p| p)?,
-    );
-    let (Some(piece), Some(counterpart)) = (piece, counterpart) else {
-        return Ok(None);
-    };
-    let cost = piece.cost(&counterpart).filter(|&cost| cost <= most);
-    Ok(cost.map(|cost| (cost, piece.laid_on(&counterpart).collect())))
 }
 
 /// The members of each of `count` pieces.

@@ -71,19 +71,34 @@ pub fn isometric(metrics: &Metrics) -> bool {
     metrics.orientation > QUALITY.clear.0 && metrics.local_distortion < QUALITY.isometric
 }
 
-/// How likely a map is right, in [0, 1]: 1/(1 + e⁻ᶻ) of the chosen one, z = β₀ + β·(agreement of curvatures, orientation, log of
-/// the change of short distances, how clearly no other map fits as well, whether it tears the surface), fitted to maps that are
-/// known to be right or wrong; of an alternative less, the farther it lies from the chosen one.
+/// How likely a map is right, in [0, 1]: 1/(1 + e⁻ᶻ) of the chosen one, z = β₀ + β·[`evidence`], fitted to maps that are known to be
+/// right or wrong; of an alternative less, the farther it lies from the chosen one.
 #[must_use]
 pub fn score(metrics: &Metrics, coverage: Coverage) -> f64 {
+    let coefficients = [
+        EVIDENCE.agreement,
+        EVIDENCE.orientation,
+        EVIDENCE.distortion,
+        EVIDENCE.clarity,
+        EVIDENCE.torn,
+    ];
+    let weighed = coefficients.iter().zip(evidence(metrics, coverage));
+    let z = EVIDENCE.constant + weighed.map(|(c, x)| c * x).sum::<f64>();
+    (-(metrics.apart / QUALITY.reach).powi(2)).exp() / (1.0 + (-z).exp())
+}
+
+/// What the score weighs of a map: agreement of curvatures, orientation, logarithm of the change of short distances, how clearly no
+/// other map fits as well (0 to 1), and whether it tears the surface.
+#[must_use]
+pub fn evidence(metrics: &Metrics, coverage: Coverage) -> [f64; 5] {
     let clarity = (metrics.margin - QUALITY.margin.0) / (QUALITY.margin.1 - QUALITY.margin.0);
-    let evidence = EVIDENCE.constant
-        + EVIDENCE.agreement * metrics.agreement
-        + EVIDENCE.orientation * metrics.orientation
-        + EVIDENCE.distortion * (metrics.local_distortion + METRICS.distortion_noise).ln()
-        + EVIDENCE.clarity * clarity.clamp(0.0, 1.0)
-        + EVIDENCE.torn * f64::from(u8::from(tears(metrics, coverage)));
-    (-(metrics.apart / QUALITY.reach).powi(2)).exp() / (1.0 + (-evidence).exp())
+    [
+        metrics.agreement,
+        metrics.orientation,
+        (metrics.local_distortion + METRICS.distortion_noise).ln(),
+        clarity.clamp(0.0, 1.0),
+        f64::from(u8::from(tears(metrics, coverage))),
+    ]
 }
 
 /// Whether a map tears the surface where it should not: what a part lacks of the target goes to one rim or another of it.
@@ -141,7 +156,7 @@ pub fn graded(metrics: &Metrics, coverage: Coverage) -> (Grade, Vec<String>) {
     let doubts = doubts(metrics, coverage);
     if grade == Grade::Green && !doubts.is_empty() {
         reasons.push(format!(
-            "the bodies differ, but all that was compared says together that the map is right ({:.0} %)",
+            "not all that was compared agrees, but together it says that the map is right ({:.0} %)",
             100.0 * score
         ));
     } else {
@@ -267,7 +282,7 @@ mod tests {
         let (grade, reasons) = graded(&turned_in_places, Coverage::BOTH);
         assert_eq!(grade, Grade::Green);
         assert!(
-            matches!(&reasons[..], [all] if all.contains("says together")),
+            matches!(&reasons[..], [all] if all.contains("together it says")),
             "{reasons:?}"
         );
         let less = Metrics {
