@@ -250,12 +250,17 @@ fn kept_together(
         }
         let count = places.len() as f64;
         let drawn = |run: &[u32]| {
-            let is_of_it = |face: u32| of_face(face) == run[0];
-            let drawn = |v: &u32| sent[*v as usize].drawn_to(given, is_of_it, reach);
+            let other = theirs[run[0] as usize].as_ref()?;
+            let drawn = |&v: &u32| {
+                let sent = &sent[v as usize];
+                let is_there = of_face(sent.placed.point.face) == run[0];
+                let point = is_there.then_some(sent.placed.point);
+                point.or_else(|| sent.drawn_to(given, other, reach))
+            };
             let points: Vec<Option<SurfacePoint>> = piece.0.par_iter().map(drawn).collect();
             let covered = points.iter().flatten().count() as f64;
             (covered >= PULL_BACK.covers * count).then(|| Drawn {
-                piece: run[0] as usize,
+                other,
                 share: run.len() as f64 / count,
                 points,
                 by_shape: None,
@@ -264,7 +269,7 @@ fn kept_together(
         let mut candidates: Vec<Drawn> = (on.chunk_by(|a, b| a == b)).filter_map(drawn).collect();
         if candidates.len() > 1 || candidates.iter().any(|drawn| !drawn.is_matched()) {
             for drawn in &mut candidates {
-                drawn.lay((own, &piece), given, theirs[drawn.piece].as_ref(), mirrored)?;
+                drawn.lay((own, &piece), given, mirrored)?;
             }
         }
         let Some(best) = candidates.into_iter().min_by(Drawn::compare) else {
@@ -279,9 +284,8 @@ fn kept_together(
 }
 
 /// A piece of the target drawn to one of the source.
-struct Drawn {
-    /// The source's.
-    piece: usize,
+struct Drawn<'a> {
+    other: &'a Piece<'a>,
     /// Share of its images that were there.
     share: f64,
     /// Where its images come to lie.
@@ -290,7 +294,7 @@ struct Drawn {
     by_shape: Option<(f64, Vec<SurfacePoint>)>,
 }
 
-impl Drawn {
+impl Drawn<'_> {
     /// Whether what was matched of it tells where it lies.
     fn is_matched(&self) -> bool {
         self.share > COUNTERPARTS.held
@@ -301,7 +305,6 @@ impl Drawn {
         &mut self,
         (own, piece): (&Surface, &Members),
         given: &Surface,
-        other: Option<&Piece>,
         mirrored: bool,
     ) -> Result<()> {
         let pairs: Vec<(Point, Point, f64)> = (own.places(&piece.0).iter().zip(&self.points))
@@ -309,10 +312,10 @@ impl Drawn {
             .collect();
         let there = Similarity::fitted(&pairs, mirrored);
         let piece = Piece::new(own, piece, |p| there.apply(p))?;
-        if let (Some(piece), Some(other)) = (piece, other) {
-            self.by_shape = (piece.cost(other).filter(|&cost| cost <= PULL_BACK.like))
-                .map(|cost| (cost, piece.laid_on(other).collect()));
-        }
+        self.by_shape = piece.and_then(|piece| {
+            let cost = piece.cost(self.other)?;
+            (cost <= PULL_BACK.like).then(|| (cost, piece.laid_on(self.other).collect()))
+        });
         Ok(())
     }
 
@@ -335,19 +338,11 @@ impl Drawn {
 }
 
 impl Sent {
-    /// Its image where that is on some faces, else the nearest point of these, one where the surface lies alike before others.
-    fn drawn_to(
-        &self,
-        surface: &Surface,
-        faces: impl Fn(u32) -> bool + Copy,
-        reach: f64,
-    ) -> Option<SurfacePoint> {
-        if faces(self.placed.point.face) {
-            return Some(self.placed.point);
-        }
-        let is_alike = |face: u32| faces(face) && lies_alike(surface, face, self.normal);
-        (surface.nearest_within(self.goal, reach, is_alike))
-            .or_else(|| surface.nearest_within(self.goal, reach, faces))
+    /// The nearest point of a piece of a surface, one where it lies alike before others.
+    fn drawn_to(&self, surface: &Surface, piece: &Piece, reach: f64) -> Option<SurfacePoint> {
+        let is_alike = |face: u32| lies_alike(surface, face, self.normal);
+        (piece.nearest_within(self.goal, reach, is_alike))
+            .or_else(|| piece.nearest_within(self.goal, reach, |_| true))
     }
 }
 

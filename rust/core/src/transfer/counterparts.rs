@@ -81,13 +81,30 @@ impl<'a> Piece<'a> {
 
     /// Where its vertices come to lie on another piece, on that piece's surface.
     pub(crate) fn laid_on(&self, other: &Self) -> impl Iterator<Item = SurfacePoint> {
-        self.normalised.vertices.iter().map(|&goal| {
-            let SurfacePoint { face, weights } = other.normalised.nearest(goal);
-            SurfacePoint {
-                face: other.triangles[face as usize],
-                weights,
-            }
-        })
+        let laid = |&goal: &Point| other.on_surface(other.normalised.nearest(goal));
+        self.normalised.vertices.iter().map(laid)
+    }
+
+    /// Its point nearest to a place within a distance, in triangles of the surface for which `allowed` holds.
+    pub(crate) fn nearest_within(
+        &self,
+        place: Point,
+        distance: f64,
+        allowed: impl Fn(u32) -> bool + Copy,
+    ) -> Option<SurfacePoint> {
+        let place = vector::scaled(vector::sub(place, self.centre), 1.0 / self.radius);
+        let is_allowed = |own: u32| allowed(self.triangles[own as usize]);
+        (self.normalised)
+            .nearest_within(place, distance / self.radius, is_allowed)
+            .map(|point| self.on_surface(point))
+    }
+
+    /// A point of itself as one of the surface that it is a piece of.
+    fn on_surface(&self, SurfacePoint { face, weights }: SurfacePoint) -> SurfacePoint {
+        SurfacePoint {
+            face: self.triangles[face as usize],
+            weights,
+        }
     }
 }
 
