@@ -317,7 +317,7 @@ class SPECTRAL_MATCH_OT_morph(Step, Operator):
             for together in stored_match.matched_together(matched):
                 laid_over.write(together)
             for target in matched:
-                morph.add(target)
+                morph.add(target, laid_over.sources_of(target))
         return {"FINISHED"}
 
 
