@@ -206,7 +206,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
     @staticmethod
     def _draw_progress(row: bpy.types.UILayout, job: job_module.Job) -> None:
         # Where the window waits there is no button to press.
-        way_out = f"  (Esc: {said('Cancel')})" if job.blocks else ""
+        way_out = f"  (Esc: {said('Cancel')})" if job.blocks and not job.lasting else ""
         row.progress(factor=job.fraction, text=job.words + way_out)
         if not job.blocks:
             row.operator("spectral_match.cancel", text="", icon="X")

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
 import bpy
@@ -40,10 +40,11 @@ class JobOperator(Step):
 
     `begin` is a generator that reads in short steps and returns the job; it may yield how far it is and
     what it does. `conclude` writes what was found. While one that `blocks` is at it, the window shows how
-    far it is and takes nothing but Esc.
+    far it is and takes nothing but Esc, and that not in the `lasting` stages, in which it writes.
     """
 
     blocks = False
+    lasting: Sequence[str] = ()
 
     def begin(self, context: bpy.types.Context) -> Beginning:
         raise NotImplementedError
@@ -90,7 +91,8 @@ class JobOperator(Step):
 
     def _follow(self, context: bpy.types.Context, event: bpy.types.Event) -> Outcome:
         if event.type == "ESC" and event.value == "PRESS":
-            self._job.cancel()
+            if not self._job.lasting:
+                self._job.cancel()
             self._show_progress(context)
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
@@ -123,6 +125,7 @@ class JobOperator(Step):
                 step = next(self._beginning)
                 if step is not None:
                     self._job.fraction, self._job.stage = step
+                    self._job.lasting = step[1] in self.lasting
                     break
         except StopIteration as end:
             if self._job.cancelling:
@@ -137,7 +140,8 @@ class JobOperator(Step):
         words = job.words
         if words != self._shown:
             self._shown = words
-            context.workspace.status_text_set(f"Spectral Match: {words}   |   Esc: {said('Cancel')}")
+            way_out = "" if job.lasting else f"   |   Esc: {said('Cancel')}"
+            context.workspace.status_text_set(f"Spectral Match: {words}{way_out}")
         redraw_sidebars(context)
 
     def _stop_watching(self, context: bpy.types.Context) -> None:
