@@ -124,6 +124,9 @@ def remove(target: bpy.types.Object) -> None:
     modifier = modifier_of(target)
     if modifier is None:
         return
+    # A modifier that is removed with them keeps them counted as used.
+    for identifier in _sources_of(modifier) if is_whole(modifier) else ():
+        set_value(modifier, identifier, None)
     _use(modifier, None)
     target.modifiers.remove(modifier)
     for name in (FITTED, ALONG, PIECE, *CORNERS):

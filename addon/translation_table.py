@@ -378,6 +378,8 @@ TABLE = (
     # Fit Outfit.
     ("Fit Outfit", "衣装を合わせる", "适配服装"),
     ("Garments", "衣装", "服装"),
+    ("1 garment", "衣装 1 点", "1 件服装"),
+    ("{} garments", "衣装 {} 点", "{} 件服装"),
     ("Worn", "着用", "穿着"),
     ("Not Worn", "非着用", "未穿着"),
     ("Distance", "距離", "距离"),

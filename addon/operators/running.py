@@ -20,7 +20,8 @@ from .step import Result, Step, going_on
 # Reads in short steps: how far it is and what it does, or None; its value is the job.
 Beginning = Generator[tuple[float, str] | None, None, Job]
 
-POLL_SECONDS = 0.05
+# How often it is asked how far the work is; what blocks the window goes on at these moments.
+POLL_SECONDS, BLOCKING_SECONDS = 0.05, 0.005
 # Reading goes on for so long, and one step more, before the window has its turn.
 READ_SECONDS = 0.02
 
@@ -72,7 +73,8 @@ class JobOperator(Step):
         self._job.blocks = self.blocks
         self._job.stage = "Reading the meshes"
         manager = context.window_manager
-        self._timer: bpy.types.Timer | None = manager.event_timer_add(POLL_SECONDS, window=context.window)
+        pause = BLOCKING_SECONDS if self.blocks else POLL_SECONDS
+        self._timer: bpy.types.Timer | None = manager.event_timer_add(pause, window=context.window)
         operator: Any = self
         manager.modal_handler_add(operator)
         going_on.add(self)
@@ -124,9 +126,12 @@ class JobOperator(Step):
             while time.monotonic() < until:
                 step = next(self._beginning)
                 if step is not None:
+                    begins = step[1] != self._job.stage
                     self._job.fraction, self._job.stage = step
                     self._job.lasting = step[1] in self.lasting
-                    break
+                    # What begins may take long: first it is said.
+                    if begins:
+                        break
         except StopIteration as end:
             if self._job.cancelling:
                 end.value.cancel()

@@ -128,9 +128,13 @@ def show_heat(
     for obj in objects:
         _activate(obj.data, mesh_write.HEAT)
     for obj in beside:
-        active = obj.data.color_attributes.active_color
+        attributes, active = obj.data.attributes, obj.data.color_attributes.active_color
         if active is not None and active.name.startswith(mesh_write.OURS):
-            obj.data.attributes.active_color_name = ""
+            attributes.active_color_name = ""
+            # Where no attribute is active Blender shows the default one.
+            if attributes.default_color_name.startswith(mesh_write.OURS):
+                attributes.default_color_name = ""
+            obj.data.update()
     _colour_viewports(context)
 
 

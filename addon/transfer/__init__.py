@@ -116,7 +116,7 @@ TransferChoice: Any = type(
         "__annotations__": TransferKinds.__annotations__
         | {
             f"open_{kind.identifier}": BoolProperty(
-                name="Show", description=f"List the {kind.label.lower()} one by one"
+                name="Show", description="Show how this is carried, and each of its items"
             )
             for kind in KINDS
         },

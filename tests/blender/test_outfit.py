@@ -268,7 +268,10 @@ def test_a_closer_look_tells_what_is_inside(dressed):
     np.testing.assert_allclose(heat()[pushed], np.tile(inside, (10, 1)), atol=1e-6)
     np.testing.assert_allclose(heat()[10:], np.tile(sure, (len(heat()) - 10, 1)), atol=1e-6)
     assert shirt.data.color_attributes.active_color.name == HEAT
-    assert target.body.data.color_attributes.active_color is None
+    # Nor is there a default, which would be shown then; the source is as plain.
+    for body in (source.body, target.body):
+        assert body.data.color_attributes.active_color is None
+        assert not body.data.attributes.default_color_name
     # The sliders put all vertices where they should be.
     bpy.context.scene.spectral_match.outfit_distance = 0.02
     np.testing.assert_allclose(heat(), np.tile(sure, (len(heat()), 1)), atol=1e-6)
@@ -386,6 +389,23 @@ def test_what_is_worn_lies_over_what_the_same_bones_move(scene):
     assert wardrobe.body_of(body) == made.body
     glove.hide_viewport = True
     assert [obj.name for obj in wardrobe.worn(wardrobe_of(made))] == ["Source Shirt"]
+
+
+def test_of_a_body_in_parts_the_trunk_is_the_body(scene):
+    points, faces = figures.lumpy(6)
+    made = figures.character("Source")
+    for obj in (made.body, made.shirt, made.eye):
+        bpy.data.objects.remove(obj)
+    parts = {"Arm": (0.4, (1.5, 0.0, 0.0), 5), "Trunk": (1.0, (0.0, 0.0, 0.0), 3)}
+    for name, (size, place, bones) in parts.items():
+        obj = new_object(name, size * points + place, faces)
+        for number in range(bones):
+            obj.vertex_groups.new(name=f"{name} {number}").add(range(len(points)), 1.0 / bones, "REPLACE")
+        obj.modifiers.new("Rig", "ARMATURE").object = obj.parent = made.rig
+    bpy.context.view_layer.update()
+    body = character.of(bpy.data.objects["Arm"])
+    assert wardrobe.body_of(body).name == "Trunk"
+    assert [obj.name for obj in wardrobe.others(body)] == ["Arm"]
 
 
 def test_skin_does_not_lie_over_the_lining_around_it(scene):

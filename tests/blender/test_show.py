@@ -89,7 +89,7 @@ def test_morph_moves_the_target_onto_the_source(pair):
     )
     bpy.context.view_layer.update()
     bpy.ops.spectral_match.match()
-    own = shown(target).copy()
+    own, users = shown(target).copy(), source.users
     image = read_attribute(target.data.attributes["match_position"])
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
     placed = target.matrix_world.inverted() @ source.matrix_world
@@ -101,6 +101,7 @@ def test_morph_moves_the_target_onto_the_source(pair):
         np.testing.assert_allclose(shown(target), own + factor * (there - own), atol=1e-4)
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
     assert not target.modifiers and morph.GROUP not in bpy.data.node_groups
+    assert source.users == users
 
 
 @pytest.fixture
