@@ -24,6 +24,8 @@ Beginning = Generator[tuple[float, str] | None, None, Job]
 POLL_SECONDS, BLOCKING_SECONDS = 0.05, 0.005
 # Reading goes on for so long, and one step more, before the window has its turn.
 READ_SECONDS = 0.02
+# And so long where it takes nothing but Esc, since every turn may draw the whole scene.
+BLOCKING_READ_SECONDS = 0.1
 
 
 def redraw_sidebars(context: bpy.types.Context) -> None:
@@ -116,7 +118,7 @@ class JobOperator(Step):
         self._stop_watching(context)
 
     def _read_on(self) -> Outcome:
-        until = time.monotonic() + READ_SECONDS
+        until = time.monotonic() + (BLOCKING_READ_SECONDS if self.blocks else READ_SECONDS)
         assert self._beginning is not None
         if self.blocks and self._job.cancelling:
             self._beginning.close()

@@ -11,9 +11,10 @@ from bipeds import Figure, _known
 from conftest import choose, new_object, turned
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
+from test_panel import drawn
 from test_transfer import store_map, weights_of
 
-from addon import character, command_line, mesh_read, notice, palette
+from addon import character, command_line, mesh_read, notice, palette, panels
 from addon.mesh_write import HEAT, read_attribute, write_attribute
 from addon.operators import show
 from addon.outfit import live, wardrobe
@@ -277,6 +278,25 @@ def test_a_closer_look_tells_what_is_inside(dressed):
     np.testing.assert_allclose(heat(), np.tile(sure, (len(heat()), 1)), atol=1e-6)
     assert bpy.ops.spectral_match.closer_look() == {"FINISHED"}
     assert HEAT not in shirt.data.attributes
+
+
+def test_the_panel_says_what_was_fitted_and_what_is_in_the_way(dressed, monkeypatch):
+    source, target = dressed
+    monkeypatch.setattr("addon.drawing.wrapped", lambda text, _fits: [text])
+    scarf = new_object("Scarf", *figures.meshes()["Shirt"])
+    scarf.parent, scarf.matrix_world = target.rig, target.body.matrix_world
+    scarf.spectral_match_part, scarf.spectral_match_worn = "LEFT_OUT", wardrobe.WORN
+    bpy.context.view_layer.update()
+
+    def words():
+        return {words for words, _ in drawn(panels.VIEW3D_PT_spectral_match_outfit)}
+
+    assert "Done: 1 garment" not in words()
+    fit()
+    in_the_way = "'Target' wears Scarf too. Hide what is in the way"
+    assert {"Done: 1 garment", "Nothing is inside the body", in_the_way} <= words()
+    scarf.hide_set(True)
+    assert in_the_way not in words()
 
 
 def test_hidden_skin_is_masked_and_nothing_is_deleted(dressed):
