@@ -185,7 +185,7 @@ def make_group(name: str, pieces: int) -> bpy.types.NodeTree:
 
     def between(geometry: bpy.types.NodeSocket, row: float) -> bpy.types.NodeSocket:
         """The place between its corners on a piece as shown."""
-        own, found = node("GeometryNodeInputPosition", (-1700, row)), None
+        own, parts = node("GeometryNodeInputPosition", (-1700, row)), []
         shares = node("ShaderNodeSeparateXYZ", (-1700, row - 120))
         links.new(enabled(weights.outputs, "VECTOR")[0], shares.inputs["Vector"])
         for number, corner in enumerate(corners):
@@ -198,12 +198,12 @@ def make_group(name: str, pieces: int) -> bpy.types.NodeTree:
             links.new(enabled(corner.outputs, "INT")[0], sample.inputs["Index"])
             links.new(enabled(sample.outputs, "VECTOR")[0], part.inputs[0])
             links.new(shares.outputs[number], part.inputs["Scale"])
-            if found is None:
-                found = part.outputs["Vector"]
-                continue
+            parts.append(part.outputs["Vector"])
+        found = parts[0]
+        for other in parts[1:]:
             total = node("ShaderNodeVectorMath", (-1180, row), operation="ADD")
             links.new(found, total.inputs[0])
-            links.new(part.outputs["Vector"], total.inputs[1])
+            links.new(other, total.inputs[1])
             found = total.outputs["Vector"]
         return found
 
