@@ -18,6 +18,7 @@ def _draw(menu: bpy.types.Menu, context: bpy.types.Context) -> None:
     layout.operator("spectral_match.batch", text="Match Characters and Transfer", icon="DUPLICATE")
     if pair.matched(context):
         layout.operator("spectral_match.transfer", text="Transfer from Match", icon="IMPORT")
+        layout.operator("spectral_match.fit_outfit", icon="MOD_CLOTH")
 
 
 def _draw_on_characters(menu: bpy.types.Menu, context: bpy.types.Context) -> None:

@@ -56,6 +56,8 @@ LEGEND = "Equal colors match. Left and right differ in hue"
 WHITE = "White is left out"
 # More results than these are listed a line each.
 MOST_BOXES = 3
+# More things than these are not named.
+MOST_NAMES = 3
 # Pieces of a character that are listed without scrolling.
 MOST_ROWS = 8
 
@@ -206,7 +208,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
     @staticmethod
     def _draw_progress(row: bpy.types.UILayout, job: job_module.Job) -> None:
         # Where the window waits there is no button to press.
-        way_out = f"  (Esc: {said('Cancel')})" if job.blocks else ""
+        way_out = f"  (Esc: {said('Cancel')})" if job.blocks and not job.lasting else ""
         row.progress(factor=job.fraction, text=job.words + way_out)
         if not job.blocks:
             row.operator("spectral_match.cancel", text="", icon="X")
@@ -539,12 +541,31 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         row.operator("spectral_match.fit_outfit", icon="MOD_CLOTH")
         kept = live.kept_on(found.targets) if settings.outfit_inside else []
         if kept:
-            words = settings.outfit_inside
-            draw_words(context, layout, words[:1].upper() + words[1:], dim=True)
-            looked_at = live.looked_at(kept)
-            layout.operator("spectral_match.closer_look", icon="VIEWZOOM", depress=looked_at)
-            if looked_at:
-                draw_words(context, layout, "Blue is as far as asked, yellow is inside", dim=True)
+            self._draw_fitted(context, layout.box().column(), settings, found, kept)
+
+    @staticmethod
+    def _draw_fitted(
+        context: bpy.types.Context,
+        box: bpy.types.UILayout,
+        settings: Settings,
+        found: pair.Pair,
+        kept: live.Kept,
+    ) -> None:
+        copies = [obj for _, own in kept for obj in own]
+        what = said("1 garment") if len(copies) == 1 else said("{} garments", len(copies))
+        draw_words(context, box, said("Done: {}", what), "CHECKMARK", boxed=True)
+        words = settings.outfit_inside
+        icon: EnumItem = "INFO" if words == live.NOTHING_INSIDE else "ERROR"
+        draw_words(context, box, words[:1].upper() + words[1:], icon, boxed=True)
+        looked_at = live.looked_at(kept)
+        box.operator("spectral_match.closer_look", icon="VIEWZOOM", depress=looked_at)
+        if looked_at:
+            draw_words(context, box, "Blue is as far as asked, yellow is inside", boxed=True, dim=True)
+        for target in found.targets[:MOST_BOXES]:
+            own = [obj.name for obj in wardrobe.worn(target) if obj not in copies and obj.visible_get()]
+            if own:
+                words = f"'{target.name}' wears {', '.join(own[:MOST_NAMES])} too. Hide what is in the way"
+                draw_words(context, box, words, "INFO", boxed=True, dim=True)
 
     @staticmethod
     def _draw_worn(layout: bpy.types.UILayout, settings: Settings, wearer: Character) -> None:

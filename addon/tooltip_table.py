@@ -547,6 +547,11 @@ TOOLTIPS = (
         "随角色的服装一起适配",
     ),
     (
+        "Show how this is carried, and each of its items",
+        "転送の方法と、それぞれの項目を表示します",
+        "显示此项如何传递及其各个项目",
+    ),
+    (
         "List what the source wears",
         "転送元が着ているものを一覧表示",
         "列出来源所穿的物体",

@@ -374,9 +374,12 @@ TABLE = (
     ("Finding every vertex", "全頂点を対応付け中", "正在对应所有顶点"),
     ("Following landmarks", "ランドマークを適用中", "正在应用标志点"),
     ("Writing", "書き込み中", "正在写入"),
+    ("Fitting the animation", "アニメーションを調整中", "正在适配动画"),
     # Fit Outfit.
     ("Fit Outfit", "衣装を合わせる", "适配服装"),
     ("Garments", "衣装", "服装"),
+    ("1 garment", "衣装 1 点", "1 件服装"),
+    ("{} garments", "衣装 {} 点", "{} 件服装"),
     ("Worn", "着用", "穿着"),
     ("Not Worn", "非着用", "未穿着"),
     ("Distance", "距離", "距离"),

@@ -13,7 +13,16 @@ from bpy.types import Operator
 from .. import character, core, mesh_read, mesh_write, notice, pair, stored_match
 from ..job import Job
 from ..mesh_read import UnusableObjectError
-from ..transfer import KINDS, Carried, TransferAdjustments, carry_all, checked, has_effect, names_of
+from ..transfer import (
+    KINDS,
+    LASTING,
+    Carried,
+    TransferAdjustments,
+    carry_all,
+    checked,
+    has_effect,
+    names_of,
+)
 from ..translation import said
 from ..typed import Chosen, Options, Outcome, Settings
 from . import show
@@ -106,6 +115,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
 
     # Nothing may change between its steps.
     blocks = True
+    lasting = LASTING
 
     kinds: StringProperty(
         name="Kinds",

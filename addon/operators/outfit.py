@@ -190,8 +190,8 @@ class SPECTRAL_MATCH_OT_closer_look(Step, Operator):
     obstacle = staticmethod(needs_fitted)
 
     def act(self, context: bpy.types.Context) -> Outcome:
-        targets = pair.resolve(context).targets
-        kept = live.kept_on(targets)
+        found = pair.resolve(context)
+        kept = live.kept_on(found.targets)
         copies = [obj for _, own in kept for obj in own]
         if live.looked_at(kept):
             show.show_nothing(context, [], copies)
@@ -201,7 +201,8 @@ class SPECTRAL_MATCH_OT_closer_look(Step, Operator):
                     obj.data.attributes.remove(heat)
             return {"FINISHED"}
         live.look_closer(kept, options_of(context.scene.spectral_match))
-        show.show_heat(context, copies, [piece for target in targets for piece in target.whole])
+        bodies = [body for body in (found.source, *found.targets) if body is not None]
+        show.show_heat(context, copies, [obj for body in bodies for obj in body.whole if obj not in copies])
         return {"FINISHED"}
 
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from typing import Any
 
 import bpy
@@ -20,9 +20,12 @@ from .step import Result, Step, going_on
 # Reads in short steps: how far it is and what it does, or None; its value is the job.
 Beginning = Generator[tuple[float, str] | None, None, Job]
 
-POLL_SECONDS = 0.05
+# How often it is asked how far the work is; what blocks the window goes on at these moments.
+POLL_SECONDS, BLOCKING_SECONDS = 0.05, 0.005
 # Reading goes on for so long, and one step more, before the window has its turn.
 READ_SECONDS = 0.02
+# And so long where it takes nothing but Esc, since every turn may draw the whole scene.
+BLOCKING_READ_SECONDS = 0.1
 
 
 def redraw_sidebars(context: bpy.types.Context) -> None:
@@ -40,10 +43,11 @@ class JobOperator(Step):
 
     `begin` is a generator that reads in short steps and returns the job; it may yield how far it is and
     what it does. `conclude` writes what was found. While one that `blocks` is at it, the window shows how
-    far it is and takes nothing but Esc.
+    far it is and takes nothing but Esc, and that not in the `lasting` stages, in which it writes.
     """
 
     blocks = False
+    lasting: Sequence[str] = ()
 
     def begin(self, context: bpy.types.Context) -> Beginning:
         raise NotImplementedError
@@ -71,7 +75,8 @@ class JobOperator(Step):
         self._job.blocks = self.blocks
         self._job.stage = "Reading the meshes"
         manager = context.window_manager
-        self._timer: bpy.types.Timer | None = manager.event_timer_add(POLL_SECONDS, window=context.window)
+        pause = BLOCKING_SECONDS if self.blocks else POLL_SECONDS
+        self._timer: bpy.types.Timer | None = manager.event_timer_add(pause, window=context.window)
         operator: Any = self
         manager.modal_handler_add(operator)
         going_on.add(self)
@@ -90,7 +95,8 @@ class JobOperator(Step):
 
     def _follow(self, context: bpy.types.Context, event: bpy.types.Event) -> Outcome:
         if event.type == "ESC" and event.value == "PRESS":
-            self._job.cancel()
+            if not self._job.lasting:
+                self._job.cancel()
             self._show_progress(context)
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
@@ -112,7 +118,7 @@ class JobOperator(Step):
         self._stop_watching(context)
 
     def _read_on(self) -> Outcome:
-        until = time.monotonic() + READ_SECONDS
+        until = time.monotonic() + (BLOCKING_READ_SECONDS if self.blocks else READ_SECONDS)
         assert self._beginning is not None
         if self.blocks and self._job.cancelling:
             self._beginning.close()
@@ -122,8 +128,12 @@ class JobOperator(Step):
             while time.monotonic() < until:
                 step = next(self._beginning)
                 if step is not None:
+                    begins = step[1] != self._job.stage
                     self._job.fraction, self._job.stage = step
-                    break
+                    self._job.lasting = step[1] in self.lasting
+                    # What begins may take long: first it is said.
+                    if begins:
+                        break
         except StopIteration as end:
             if self._job.cancelling:
                 end.value.cancel()
@@ -137,7 +147,8 @@ class JobOperator(Step):
         words = job.words
         if words != self._shown:
             self._shown = words
-            context.workspace.status_text_set(f"Spectral Match: {words}   |   Esc: {said('Cancel')}")
+            way_out = "" if job.lasting else f"   |   Esc: {said('Cancel')}"
+            context.workspace.status_text_set(f"Spectral Match: {words}{way_out}")
         redraw_sidebars(context)
 
     def _stop_watching(self, context: bpy.types.Context) -> None:

@@ -128,9 +128,13 @@ def show_heat(
     for obj in objects:
         _activate(obj.data, mesh_write.HEAT)
     for obj in beside:
-        active = obj.data.color_attributes.active_color
+        attributes, active = obj.data.attributes, obj.data.color_attributes.active_color
         if active is not None and active.name.startswith(mesh_write.OURS):
-            obj.data.attributes.active_color_name = ""
+            attributes.active_color_name = ""
+            # Where no attribute is active Blender shows the default one.
+            if attributes.default_color_name.startswith(mesh_write.OURS):
+                attributes.default_color_name = ""
+            obj.data.update()
     _colour_viewports(context)
 
 
@@ -317,7 +321,7 @@ class SPECTRAL_MATCH_OT_morph(Step, Operator):
             for together in stored_match.matched_together(matched):
                 laid_over.write(together)
             for target in matched:
-                morph.add(target)
+                morph.add(target, laid_over.sources_of(target))
         return {"FINISHED"}
 
 

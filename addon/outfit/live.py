@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 Kept = list[tuple[fitting.Fitted, list[bpy.types.Object]]]
 # A bound outfit holds some 2 kB a vertex, and its bodies as much.
 MOST_KEPT = 8
+NOTHING_INSIDE = "nothing is inside the body"
 # By the session ids of their copies, oldest first.
 _kept: OrderedDict[tuple[int, ...], fitting.Fitted] = OrderedDict()
 
@@ -125,7 +126,7 @@ def follow_sliders(settings: Settings, context: bpy.types.Context) -> None:
 def words_inside(inside: int, many: int) -> str:
     """How much of an outfit is inside the body, in words."""
     if not inside:
-        return "nothing is inside the body"
+        return NOTHING_INSIDE
     share = 100.0 * inside / many
     return f"{inside} of {many} vertices ({share:.2g} %) are inside the body"
 

@@ -39,9 +39,18 @@ def wearer(source: Character, targets: Iterable[Character]) -> Character:
 
 
 def body_of(body: Character) -> bpy.types.Object:
-    """The mesh of a character that most bones move and that is not worn, of several the largest."""
+    """The large mesh of a character that many bones move and that is not worn.
+
+    A body of one mesh is moved by most; of one in parts the trunk is, rather than an arm with its fingers.
+    """
     wearing = [obj for obj in body.pieces if obj not in worn(body)] or body.pieces
-    return max(wearing, key=lambda obj: (len(character.groups_used(obj)), character.extent([obj])))
+    return max(wearing, key=lambda obj: (1 + len(character.groups_used(obj))) * _size(obj) ** 2)
+
+
+def _size(obj: bpy.types.Object) -> float:
+    """Diagonal of a mesh in the world, the same in any pose."""
+    points = mesh_read.positions(obj.data) @ np.array(obj.matrix_world)[:3, :3].T
+    return float(np.linalg.norm(np.ptp(points, axis=0)))
 
 
 def others(body: Character) -> list[bpy.types.Object]:

@@ -43,6 +43,7 @@ from .weights import rigs
 
 __all__ = [
     "KINDS",
+    "LASTING",
     "Bodies",
     "Carried",
     "Kind",
@@ -77,6 +78,11 @@ OF_FIGURES = (armatures.KIND, companions.KIND)
 # Kinds of which each mesh of a target gets all, whichever mesh of the source answers.
 OVER_ALL = (vertex_groups.KIND, shape_keys.KIND, *OF_FIGURES)
 
+# The stages in which the target is written to, which cannot be stopped; and how far a transfer is where each
+# of them begins: of 76 actions that are fitted the time is half of all.
+WRITING, ANIMATING = LASTING = ("Writing", "Fitting the animation")
+PREPARED, WRITTEN = 0.5, 0.55
+
 # A figure in a note, apart from those in names.
 FIGURE = re.compile(r"(?<![\w'.])\d+(?:\.\d+)?(?![\w'])")
 
@@ -110,7 +116,7 @@ TransferChoice: Any = type(
         "__annotations__": TransferKinds.__annotations__
         | {
             f"open_{kind.identifier}": BoolProperty(
-                name="Show", description=f"List the {kind.label.lower()} one by one"
+                name="Show", description="Show how this is carried, and each of its items"
             )
             for kind in KINDS
         },
@@ -191,8 +197,8 @@ def carry_all(
 
     A generator: it yields between its steps how far it is, from 0 to 1, and what it does; its value is what
     was `Carried`. Everything is computed before anything is written, so that a kind that cannot be carried
-    leaves the target as it was; so does the generator when it is closed. Of a target of several meshes only
-    that is left out which one of them cannot get.
+    leaves the target as it was; so does the generator when it is closed before it says one of `LASTING`. Of
+    a target of several meshes only that is left out which one of them cannot get.
     """
     for target in targets:
         mesh_read.check_usable(target, as_target=True)
@@ -219,19 +225,20 @@ def carry_all(
             figure.wanted, figure.sides = routes[0].wanted, routes[0].sides
             figure.uv_names = routes[0].uv_names
         told += yield from _prepare(routes, figure, options, brought)
-        yield 1.0, "Writing"
+        yield PREPARED, WRITING
         ways = list(dict.fromkeys([*routes, figure]))
         for way in ways:
             for part in way.prepared:
                 part.write()
+        for target in targets:
+            target.data.update()
         if any(figure.wanted[kind.identifier] for kind in (shape_keys.KIND, *OF_FIGURES)):
-            redirect(figure, routes)
+            for share in redirect(figure, routes):
+                yield WRITTEN + (1.0 - WRITTEN) * share, ANIMATING
         animated = list(_animated(figure, routes, brought))
         brought.actions = list(
             dict.fromkeys(name for given, own in animated for name in actions_from(given, own))
         )
-        for target in targets:
-            target.data.update()
         told += ((figure.target, note) for note in _halves(figure))
         told += ((way.target, note) for way in ways for part in way.prepared for note in part.notes)
         brought.notes = said_once(told)
@@ -316,7 +323,7 @@ def _prepare(
             if fits and route.wanted[kind.identifier]:
                 steps.append((route, kind))
     for number, (route, kind) in enumerate(steps):
-        yield number / len(steps), kind.label
+        yield PREPARED * number / len(steps), kind.label
         names = route.wanted[kind.identifier]
         try:
             route.prepared.append(kind.prepare(route, names, options))

@@ -183,8 +183,8 @@ def _finish(
     bones: Mapping[str, Placed],
     fresh: bool,
     options: Options,
-) -> None:
-    """Once all copies look at one another: constraints at rest, and actions."""
+) -> Iterator[float]:
+    """Once all copies look at one another: constraints at rest, and actions; yields how far it is."""
     holding = _holding(route.body, rig)
     fit_constraints(rig, own, named)
     if settle(rig, own, named, holding, editing):
@@ -202,7 +202,7 @@ def _finish(
         growth={name: size * bone.scale for name, bone in bones.items()},
         bodies=(route.source, route.target),
     )
-    (fit_actions if options.fit_animation else keep_actions)(fitting, fresh)
+    yield from (fit_actions if options.fit_animation else keep_actions)(fitting, fresh)
 
 
 def _share(route: Route, rig: bpy.types.Object, replaced: Sequence[bpy.types.Object]) -> None:

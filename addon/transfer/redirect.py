@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -34,10 +34,11 @@ PARTS = {
 }
 
 
-def redirect(route: Route, routes: Sequence[Route]) -> None:
+def redirect(route: Route, routes: Sequence[Route]) -> Iterator[float]:
     """Exchange the source, its mesh, keys, rigs and companions for the target's, where copies name them.
 
-    `routes` lead to all meshes of the target, each of which stands for what answers to it most.
+    A generator that yields how far it is with the animation of rigs, which comes last. `routes` lead to all
+    meshes of the target, each of which stands for what answers to it most.
     """
     target = route.target
     exchanged = _with_data(route.source, target)
@@ -76,8 +77,9 @@ def redirect(route: Route, routes: Sequence[Route]) -> None:
     # Copies that were just hung are in their places from here.
     bpy.context.view_layer.update()
     mesh_read.place(bpy.context, [own for _, own in fitted] + copies)
-    for finish in route.fitted:
-        finish()
+    for number, finish in enumerate(route.fitted):
+        for share in finish():
+            yield (number + share) / len(route.fitted)
 
 
 def _with_data(before: bpy.types.Object, after: bpy.types.Object) -> Exchanged:

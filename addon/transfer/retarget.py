@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -31,9 +31,10 @@ AT_REST = 1e-3
 ROUNDING = 1e-5
 
 
-def fit_actions(fitting: Fitting, fresh: bool) -> None:
+def fit_actions(fitting: Fitting, fresh: bool) -> Iterator[float]:
     """Give the fitted rig copies of the source rig's actions, with turns and places fitted.
 
+    A generator, since there may be many: it yields how far it is.
     Not `fresh`: it has some from before, which are made anew from their originals; others are the artist's.
     """
     pairs, made = _pairs(fitting.rig, fitting.own, fresh), {}
@@ -47,13 +48,15 @@ def fit_actions(fitting: Fitting, fresh: bool) -> None:
     for user in users:
         _rename(user, fitting)
     animated = {curve.data_path for user in users for curve in curves_used(user)}
-    for user in users:
+    for number, user in enumerate(users):
+        yield number / len(users)
         _fit(user, fitting, animated)
     fitting.own.update_tag()
 
 
-def keep_actions(fitting: Fitting, fresh: bool) -> None:
+def keep_actions(fitting: Fitting, fresh: bool) -> Iterator[float]:
     """Give the fitted rig the source rig's actions as they are, where it has fitted ones from before."""
+    yield 0.0
     for user, action, slot in () if fresh else _pairs(fitting.rig, fitting.own, fresh):
         _exchange(user, action, slot)
 

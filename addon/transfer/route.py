@@ -47,7 +47,7 @@ class Route:
         self.view, self.source, self.body, self.target = view, view.object, view.body, target
         self.targets: Sequence[bpy.types.Object] = [target]
         # What is done with fitted rigs once all copies look at one another.
-        self.fitted: list[Callable[[], object]] = []
+        self.fitted: list[Callable[[], Iterator[float]]] = []
         self.wanted: dict[str, list[str]] = {}
         self.sides = Sides()
         self.uv_names: dict[str, str] = {}

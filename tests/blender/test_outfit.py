@@ -11,9 +11,10 @@ from bipeds import Figure, _known
 from conftest import choose, new_object, turned
 from mathutils import Matrix
 from mathutils.bvhtree import BVHTree
+from test_panel import drawn
 from test_transfer import store_map, weights_of
 
-from addon import character, command_line, mesh_read, notice, palette
+from addon import character, command_line, mesh_read, notice, palette, panels
 from addon.mesh_write import HEAT, read_attribute, write_attribute
 from addon.operators import show
 from addon.outfit import live, wardrobe
@@ -268,12 +269,34 @@ def test_a_closer_look_tells_what_is_inside(dressed):
     np.testing.assert_allclose(heat()[pushed], np.tile(inside, (10, 1)), atol=1e-6)
     np.testing.assert_allclose(heat()[10:], np.tile(sure, (len(heat()) - 10, 1)), atol=1e-6)
     assert shirt.data.color_attributes.active_color.name == HEAT
-    assert target.body.data.color_attributes.active_color is None
+    # Nor is there a default, which would be shown then; the source is as plain.
+    for body in (source.body, target.body):
+        assert body.data.color_attributes.active_color is None
+        assert not body.data.attributes.default_color_name
     # The sliders put all vertices where they should be.
     bpy.context.scene.spectral_match.outfit_distance = 0.02
     np.testing.assert_allclose(heat(), np.tile(sure, (len(heat()), 1)), atol=1e-6)
     assert bpy.ops.spectral_match.closer_look() == {"FINISHED"}
     assert HEAT not in shirt.data.attributes
+
+
+def test_the_panel_says_what_was_fitted_and_what_is_in_the_way(dressed, monkeypatch):
+    source, target = dressed
+    monkeypatch.setattr("addon.drawing.wrapped", lambda text, _fits: [text])
+    scarf = new_object("Scarf", *figures.meshes()["Shirt"])
+    scarf.parent, scarf.matrix_world = target.rig, target.body.matrix_world
+    scarf.spectral_match_part, scarf.spectral_match_worn = "LEFT_OUT", wardrobe.WORN
+    bpy.context.view_layer.update()
+
+    def words():
+        return {words for words, _ in drawn(panels.VIEW3D_PT_spectral_match_outfit)}
+
+    assert "Done: 1 garment" not in words()
+    fit()
+    in_the_way = "'Target' wears Scarf too. Hide what is in the way"
+    assert {"Done: 1 garment", "Nothing is inside the body", in_the_way} <= words()
+    scarf.hide_set(True)
+    assert in_the_way not in words()
 
 
 def test_hidden_skin_is_masked_and_nothing_is_deleted(dressed):
@@ -386,6 +409,23 @@ def test_what_is_worn_lies_over_what_the_same_bones_move(scene):
     assert wardrobe.body_of(body) == made.body
     glove.hide_viewport = True
     assert [obj.name for obj in wardrobe.worn(wardrobe_of(made))] == ["Source Shirt"]
+
+
+def test_of_a_body_in_parts_the_trunk_is_the_body(scene):
+    points, faces = figures.lumpy(6)
+    made = figures.character("Source")
+    for obj in (made.body, made.shirt, made.eye):
+        bpy.data.objects.remove(obj)
+    parts = {"Arm": (0.4, (1.5, 0.0, 0.0), 5), "Trunk": (1.0, (0.0, 0.0, 0.0), 3)}
+    for name, (size, place, bones) in parts.items():
+        obj = new_object(name, size * points + place, faces)
+        for number in range(bones):
+            obj.vertex_groups.new(name=f"{name} {number}").add(range(len(points)), 1.0 / bones, "REPLACE")
+        obj.modifiers.new("Rig", "ARMATURE").object = obj.parent = made.rig
+    bpy.context.view_layer.update()
+    body = character.of(bpy.data.objects["Arm"])
+    assert wardrobe.body_of(body).name == "Trunk"
+    assert [obj.name for obj in wardrobe.others(body)] == ["Arm"]
 
 
 def test_skin_does_not_lie_over_the_lining_around_it(scene):

@@ -5,10 +5,13 @@ import bpy
 import numpy as np
 import pytest
 from bipeds import FRAMES, Figure, apart, head_of, leg_of, limbs, turn_bone, walk
+from conftest import choose
 from mathutils import Euler, Matrix
 from test_transfer import transfer
 
 from addon import notice
+from addon.operators.carry import carry
+from addon.transfer import ANIMATING, WRITTEN
 from addon.transfer.actions import curves_used
 
 # Limbs that are keyed at each frame point as the source's but for single precision.
@@ -55,6 +58,20 @@ def test_limbs_point_as_the_source_s(scene, poses, scale, y_up):
         assert angle < EXACT and way < 2e-3
         assert len(bpy.data.actions) == 2
     assert np.cbrt(own.matrix_world.determinant()) == pytest.approx(scale, rel=1e-5)
+
+
+def test_how_far_it_is_with_many_actions_is_told(scene):
+    source, target, rig = pair()
+    walk(rig)
+    tracks = rig.animation_data.nla_tracks
+    for number in range(5):
+        tracks.new().strips.new(f"Walk {number}", 1 + 30 * number, rig.animation_data.action.copy())
+    choose(source.obj, target.obj)
+    going = carry(
+        bpy.context, None, [target.obj], scene.spectral_match, lambda kind, _: kind.identifier == "armature"
+    )
+    shares = [share for share, words in going if words == ANIMATING]
+    assert len(shares) == 6 and shares == sorted(set(shares)) and WRITTEN <= shares[0] and shares[-1] < 1.0
 
 
 def test_a_rig_as_mixamo_s_moves_on_five_targets(scene):

@@ -4,6 +4,7 @@
 import bpy
 import numpy as np
 import pytest
+from bipeds import Figure
 from conftest import choose, lumpy, new_object
 from mathutils import Euler, Matrix
 
@@ -88,7 +89,7 @@ def test_morph_moves_the_target_onto_the_source(pair):
     )
     bpy.context.view_layer.update()
     bpy.ops.spectral_match.match()
-    own = shown(target).copy()
+    own, users = shown(target).copy(), source.users
     image = read_attribute(target.data.attributes["match_position"])
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
     placed = target.matrix_world.inverted() @ source.matrix_world
@@ -100,6 +101,7 @@ def test_morph_moves_the_target_onto_the_source(pair):
         np.testing.assert_allclose(shown(target), own + factor * (there - own), atol=1e-4)
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
     assert not target.modifiers and morph.GROUP not in bpy.data.node_groups
+    assert source.users == users
 
 
 @pytest.fixture
@@ -157,6 +159,62 @@ def test_a_morph_in_place_follows_a_new_match(pair):
     write_attribute(target.data, morph.FITTED, "FLOAT_VECTOR", "POINT", np.zeros_like(before))
     bpy.ops.spectral_match.match()
     np.testing.assert_allclose(read_attribute(target.data.attributes[morph.FITTED]), before, atol=1e-5)
+
+
+@pytest.fixture
+def posed(scene):
+    """A source and a target of its shape, matched, each with a rig in a pose of its own."""
+    given, own = Figure("Source"), Figure("Target")
+    rigs = given.rigged(), own.rigged(0.01, y_up=True)
+    rigs[1].location.x = 3.0
+    own.store_known(given)
+    write_attribute(own.obj.data, "match_position", "FLOAT_VECTOR", "POINT", own.made.vertices)
+    for rig, bone, turn in zip(rigs, ("upper_arm.L", "thigh.R"), (-0.9, 0.7), strict=True):
+        rig.pose.bones[bone].rotation_mode = "XYZ"
+        rig.pose.bones[bone].rotation_euler.z = turn
+        rig.pose.bones[bone].rotation_euler.x = turn
+    bpy.context.view_layer.update()
+    choose(given.obj, own.obj)
+    return given, own, rigs[0]
+
+
+def in_world(obj):
+    return shown(obj) @ np.array(obj.matrix_world)[:3, :3].T + np.array(obj.matrix_world)[:3, 3]
+
+
+def test_a_morph_goes_to_the_source_as_posed(posed):
+    given, own, rig = posed
+    before = in_world(own.obj).copy()
+    assert bpy.ops.spectral_match.morph() == {"FINISHED"}
+    np.testing.assert_allclose(in_world(own.obj), in_world(given.obj), atol=1e-4)
+    set_input(own.obj, morph.FACTOR, 0.5)
+    np.testing.assert_allclose(in_world(own.obj), (before + in_world(given.obj)) / 2.0, atol=1e-4)
+    set_input(own.obj, morph.FACTOR, 1.0)
+    rig.pose.bones["thigh.L"].rotation_mode = "XYZ"
+    rig.pose.bones["thigh.L"].rotation_euler.x = 0.8
+    bpy.context.view_layer.update()
+    # It follows.
+    np.testing.assert_allclose(in_world(own.obj), in_world(given.obj), atol=1e-4)
+
+
+@pytest.mark.parametrize("way", [morph.IN_PLACE, morph.WIPE])
+def test_what_is_laid_over_a_target_takes_its_pose(posed, way):
+    _, own, _ = posed
+    before = in_world(own.obj).copy()
+    bpy.ops.spectral_match.morph()
+    set_input(own.obj, way, True)
+    np.testing.assert_allclose(in_world(own.obj), before, atol=1e-4)
+    set_input(own.obj, way, False)
+    assert [each.type for each in own.obj.modifiers] == ["ARMATURE", "NODES"]
+
+
+def test_a_morph_to_a_source_that_is_shown_with_other_vertices_goes_to_it_at_rest(posed):
+    given, own, _ = posed
+    given.obj.modifiers.new("Fine", "SUBSURF")
+    bpy.ops.spectral_match.morph()
+    rest = read_attribute(own.obj.data.attributes["match_position"])
+    placed = np.array(given.obj.matrix_world)
+    np.testing.assert_allclose(in_world(own.obj), rest @ placed[:3, :3].T + placed[:3, 3], atol=1e-4)
 
 
 def test_similarity_is_found_again():
