@@ -34,10 +34,10 @@ WRONG_OF_SETS = 8
 RIGHT_OF_CHARACTERS = 0.8
 
 
-def drawn_as(kind, pairs):
+def drawn_as(kind, pairs, both_ways=True):
     """What random_bodies.py is told to draw pairs of a kind."""
     kinds = {name: name == kind for name in ("parts", "holes", "wide")}
-    return argparse.Namespace(**kinds, both_ways=True, pairs=pairs)
+    return argparse.Namespace(**kinds, both_ways=both_ways, pairs=pairs)
 
 
 def generated(options):
@@ -51,7 +51,7 @@ def generated(options):
 
 
 def with_solids(options):
-    drawn = drawn_as("wide", options.pairs)
+    drawn = drawn_as("wide", options.pairs, both_ways=False)
     rng = np.random.default_rng(50 + options.half)
     for _, kind, ((name, body), _) in bodies.drawn_pairs(drawn, rng):
         for other, solid in solids(2500):
