@@ -259,28 +259,42 @@ class Body:
         pose = {name: (left * x, left * y, left * z) for name, (x, y, z) in self.pose.items()}
         return Body(self.kind, build, pose)
 
+    def level(self, points) -> np.ndarray:
+        """Signed distance to the surface."""
+        points = np.ascontiguousarray(np.asarray(points, dtype=np.float64).T)
+        distances = np.stack([self._capsule(bone, points)[0] for bone in range(len(self.names))])
+        return self._blended(distances)[0]
+
     def distance(self, points) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Signed distance to the surface, its gradient, and each bone's share (n, b) of the blend there."""
-        points = np.asarray(points, dtype=np.float64)
-        distances = np.empty((len(self.names), len(points)))
-        gradients = np.empty((len(self.names), len(points), 3))
-        for i in range(len(self.names)):
-            axis = self.ends[i] - self.starts[i]
-            long = axis @ axis
-            along = (points - self.starts[i]) @ axis / long
-            inside = (along > 0) & (along < 1)
-            along = np.clip(along, 0, 1)
-            outward = points - self.starts[i] - along[:, None] * axis
-            length = np.linalg.norm(outward, axis=1)
-            taper = self.radii[i, 1] - self.radii[i, 0]
-            distances[i] = length - self.radii[i, 0] - taper * along
-            gradients[i] = outward / np.maximum(length, 1e-12)[:, None]
-            gradients[i] -= (inside * taper / long)[:, None] * axis
+        points = np.ascontiguousarray(np.asarray(points, dtype=np.float64).T)
+        distances = np.empty((len(self.names), points.shape[1]))
+        gradients = np.empty((len(self.names), *points.shape))
+        for bone in range(len(self.names)):
+            distances[bone], along, outward, length = self._capsule(bone, points)
+            axis = self.ends[bone] - self.starts[bone]
+            slope = (self.radii[bone, 1] - self.radii[bone, 0]) / (axis @ axis)
+            gradients[bone] = outward / np.maximum(length, 1e-12)
+            gradients[bone] -= axis[:, None] * (slope * ((along > 0) & (along < 1)))
+        distance, shares = self._blended(distances)
+        return distance, np.einsum("bn,bdn->nd", shares, gradients), shares.T
+
+    def _capsule(self, bone: int, points) -> tuple[np.ndarray, ...]:
+        """Of points (3, n): distance to a capsule, place along its axis, way from there, its length."""
+        axis = self.ends[bone] - self.starts[bone]
+        outward = points - self.starts[bone][:, None]
+        along = (axis @ outward / (axis @ axis)).clip(0, 1)
+        outward -= axis[:, None] * along
+        length = np.sqrt((outward**2).sum(axis=0))
+        first, second = self.radii[bone]
+        return length - first - (second - first) * along, along, outward, length
+
+    def _blended(self, distances) -> tuple[np.ndarray, np.ndarray]:
+        """The distance to the blend of all capsules from those to each (b, n), and each one's share of it."""
         nearest = distances.min(axis=0)
         shares = np.exp((nearest - distances) / BLEND)
         total = shares.sum(axis=0)
-        shares /= total
-        return nearest - BLEND * np.log(total), np.einsum("bn,bnd->nd", shares, gradients), shares.T
+        return nearest - BLEND * np.log(total), shares / total
 
     def address(self, points, bones) -> tuple[np.ndarray, np.ndarray]:
         """Place along the given bones (0…1 between their ends) and angle around them (−π…π)."""
@@ -301,7 +315,7 @@ class Body:
         near, far = 0.999 * radius, radius + 6 * BLEND
         for _ in range(40):
             middle = (near + far) / 2
-            inside = self.distance(origin + middle[:, None] * ray)[0] < 0
+            inside = self.level(origin + middle[:, None] * ray) < 0
             near, far = np.where(inside, middle, near), np.where(inside, far, middle)
         return origin + ((near + far) / 2)[:, None] * ray
 
@@ -478,7 +492,7 @@ def _march(body: Body, spacing: float, seed: int) -> tuple[np.ndarray, np.ndarra
     plane = np.stack(np.meshgrid(steps[1], steps[2], indexing="ij"), axis=-1).reshape(-1, 2)
     for i, x in enumerate(steps[0]):
         points = np.column_stack([np.full(len(plane), x), plane]) @ turn.T
-        values[i] = body.distance(points)[0].reshape(counts[1:])
+        values[i] = body.level(points).reshape(counts[1:])
     vertices, faces, _, _ = marching_cubes(values, 0.0, spacing=(spacing,) * 3, allow_degenerate=False)
     vertices = (vertices.astype(np.float64) + low) @ turn.T
     faces = faces.astype(np.int64)

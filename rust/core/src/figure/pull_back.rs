@@ -328,10 +328,9 @@ impl Drawn<'_> {
     /// Where its vertices come to lie. What was matched of little of it is more of what lies over it: where both have one shape,
     /// that tells more.
     fn places(self) -> Vec<Option<SurfacePoint>> {
+        let is_matched = self.is_matched();
         match self.by_shape {
-            Some((_, laid)) if self.share <= COUNTERPARTS.held => {
-                laid.into_iter().map(Some).collect()
-            }
+            Some((_, laid)) if !is_matched => laid.into_iter().map(Some).collect(),
             _ => self.points,
         }
     }
