@@ -29,7 +29,7 @@ from .. import job as job_module
 from ..character import Character
 from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
-from ..transfer import Carried, checked, others
+from ..transfer import Carried, checked
 from ..typed import Outcome
 from . import show
 from .carry import carry, done_words
@@ -216,7 +216,8 @@ def summary(targets: Sequence[bpy.types.Object], wanted: int, transferred: bool,
     if wanted > 1:
         return DONE[transferred, pieces > 1].format(len(targets), wanted)
     stored = targets[0].data.spectral_match
-    name, verdict = f"'{targets[0].name}'{others(pieces - 1)}", wording.of(stored)
+    whole = character.of(targets[0]) if pieces > 1 else None
+    name, verdict = f"'{(whole or targets[0]).name}'", wording.of(stored)
     if stored.swapped_sides:
         verdict = f"{verdict}, left and right swapped"
     if stored.grade != "green":

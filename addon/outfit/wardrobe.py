@@ -61,16 +61,23 @@ def others(body: Character) -> list[bpy.types.Object]:
 
 def worn(body: Character) -> list[bpy.types.Object]:
     """What a character wears: as the boxes say, else the larger of its meshes that lie over others."""
-    key = tuple(obj.data.session_uid for obj in body.pieces)
+    seen = _seen(body)
+    key = tuple(obj.data.session_uid for obj in seen)
     if key not in _found:
-        _found[key] = _lying_over(body.pieces)
-    return [obj for obj in body.whole if _is_worn(obj, body, _found[key])]
+        _found[key] = _lying_over(seen)
+    return [obj for obj in body.whole if _is_worn(obj, seen, _found[key])]
 
 
-def _is_worn(obj: bpy.types.Object, body: Character, found: Container[int]) -> bool:
+def _seen(body: Character) -> tuple[bpy.types.Object, ...]:
+    """Pieces, and what a check box leaves out of the match: bodies matched alone are still dressed."""
+    unchecked = (obj for obj in body.left_out if obj.spectral_match_part == character.LEFT_OUT)
+    return (*body.pieces, *(obj for obj in unchecked if obj.visible_get()))
+
+
+def _is_worn(obj: bpy.types.Object, seen: Container[bpy.types.Object], found: Container[int]) -> bool:
     if obj.spectral_match_worn != AUTOMATIC:
         return obj.spectral_match_worn == WORN
-    return obj in body.pieces and obj.session_uid in found
+    return obj in seen and obj.session_uid in found
 
 
 def _lying_over(pieces: Sequence[bpy.types.Object]) -> frozenset[int]:

@@ -250,9 +250,11 @@ def _own_rig(
     before = fitted_rig(target, rig)
     if before is not None and _has_bones(before, named):
         return before, False
+    # Before the rig is in the target's collection, which is the character only while it holds meshes alone.
+    name = character.of(target).name
     own = object_copy(rig, target)
     # The target's name first: panels that are narrow show the beginning, and name the character by its rig.
-    own.name = f"{character.of(target).name} {character.stem_of(rig.name)}"
+    own.name = f"{name} {character.stem_of(rig.name)}"
     own.data = copied(rig.data)
     own.data.name = own.name
     own.parent = None

@@ -30,6 +30,7 @@ STRIDE = 8
 FRAMES = (1, 7, 13, 19)
 """Quarters of the walk."""
 KEYS = "groups,armature,keys"
+COLOURS = "colours of all pieces"
 
 
 # ------------------------------------------------------------------ the scene
@@ -47,13 +48,15 @@ def played() -> Path:
         bruno = scene.staged(sailor, rig=False, keys=False)
         chosen(mia, bruno)
         bpy.ops.spectral_match.match()
+        keep_colours(mia, bruno)
         bpy.ops.spectral_match.transfer(kinds=KEYS)
         bpy.ops.spectral_match.transfer(kinds="materials,textures")
+        match_bare(mia, bruno)
+        bpy.context.scene.spectral_match.outfit_hide = True
         fit(mia, MIAS)
         other_mia, other_bruno = (scene.staged(each, label=f"{each.name} in blue") for each in (girl, sailor))
         scene.add_walk(other_mia, 2)
-        chosen(other_bruno, other_mia)
-        bpy.ops.spectral_match.match()
+        match_bare(other_bruno, other_mia)
         fit(other_bruno, BRUNOS)
         path = Path(tempfile.mkdtemp()) / "played.blend"
         bpy.ops.wm.save_as_mainfile(filepath=str(path))
@@ -79,6 +82,24 @@ def chosen(source, target, piece="Body"):
     for actor in (target, source):
         actor.meshes[piece].select_set(True)
     bpy.context.view_layer.objects.active = source.meshes[piece]
+
+
+def match_bare(source, target):
+    """Match the bodies alone, for clothes."""
+    chosen(source, target)
+    scene.leave_out_worn(source, target)
+    bpy.ops.spectral_match.match()
+
+
+def keep_colours(*actors):
+    """Keep the colours of the match of all pieces, which a match of fewer replaces."""
+    for actor in actors:
+        for obj in actor.objects:
+            found = obj.data.color_attributes["match_color"]
+            values = np.empty(4 * len(found.data), np.float32)
+            found.data.foreach_get("color", values)
+            kept = obj.data.color_attributes.new(COLOURS, found.data_type, found.domain)
+            kept.data.foreach_set("color", values)
 
 
 def fit(wearer, names):
@@ -123,13 +144,22 @@ def baked_look(objects, carried: bool):
 
 
 def posed(objects, x, name, colours=None):
+    worn = any("spectral_match_made_from" in obj for obj in objects)
     for obj in objects:
         obj.hide_set(False)
         obj.hide_render = False
+    hide_skin(objects, worn)
     copies = studio.statue(objects, x, name, colours)
     for obj in objects:
         obj.hide_render = True
     return copies
+
+
+def hide_skin(objects, hidden: bool):
+    """Hide skin below the outfit that was fitted, or show it, as below the own one."""
+    for modifier in (modifier for obj in objects for modifier in obj.modifiers):
+        if modifier.type == "MASK":
+            modifier.show_viewport = modifier.show_render = hidden
 
 
 def keep_carried(objects):
@@ -160,7 +190,7 @@ def matched():
     opened()
     bruno = pieces("Bruno")
     keep_carried(bruno)
-    for k, colours in enumerate((None, "match_color")):
+    for k, colours in enumerate((None, COLOURS)):
         posed(pieces("Mia"), (2 * k - 1.5) * STEP, f"Mia {k}", colours)
         posed(bruno, (2 * k - 0.5) * STEP, f"Bruno {k}", colours)
     row("matched", 4.9)
@@ -336,7 +366,7 @@ class Sweep:
             texture = shader.inputs["Base Color"].links[0].from_socket
             if shown is None or shown == "above":
                 mix, colours = nodes.new("ShaderNodeMix"), nodes.new("ShaderNodeVertexColor")
-                mix.data_type, colours.layer_name = "RGBA", "match_color"
+                mix.data_type, colours.layer_name = "RGBA", COLOURS
                 links.new(group.outputs["colours"], mix.inputs["Factor"])
                 links.new(texture, mix.inputs[6])
                 links.new(colours.outputs["Color"], mix.inputs[7])
@@ -384,6 +414,7 @@ def loop(folder=None, samples=5):
     def taken(seconds=1.0 / FRAME_RATE, *, walk=None, moving=("Mia", "Bruno"), **levels):
         for label, rig in rigs.items():
             rig.data.pose_position = "POSE" if walk is not None and label in moving else "REST"
+        hide_skin(bare, levels.get("dressed") == TOP)
         bpy.context.scene.frame_set(walk or 1)
         sweep.level(**levels)
         path = folder / f"{len(frames):03d}.png"

@@ -19,6 +19,7 @@ from addon import command_line, figure, landmarks, mesh_read, morph, notice, pai
 from addon.job import MatchJob
 from addon.mesh_read import value_of
 from addon.mesh_write import read_attribute, read_places, write_attribute, write_places
+from addon.operators.match import summary
 from addon.transfer.companions import hanging_on
 from addon.transfer.joined import seen
 from addon.transfer.layouts import read_uv
@@ -1082,3 +1083,18 @@ def test_a_character_keeps_its_name_on_the_rig_that_came(scene, owner, made_from
     for each in meshes:
         new_object(each, *lumpy(3)).parent = rig
     assert characters.of(rig).name == name
+
+
+def test_a_collection_keeps_its_name_on_the_rig_that_came(scene):
+    knight = character("Knight")
+    mage = character("Mage", rigged=False, weights=False, moved=True)
+    stranger = bpy.data.collections.new("Stranger")
+    scene.collection.children.link(stranger)
+    for obj in mage.pieces:
+        scene.collection.objects.unlink(obj)
+        stranger.objects.link(obj)
+    store_copy(knight, mage)
+    assert summary([mage.body], 1, False, 3).startswith("Matched 'Stranger' in ")
+    transfer(knight.body, mage.body, kinds="groups,armature")
+    assert mage.body.find_armature().name == "Stranger Knight"
+    assert characters.of(mage.body).name == "Stranger"

@@ -104,6 +104,17 @@ def wardrobe_of(made):
     return character.of(made.body)
 
 
+def test_what_the_match_leaves_out_is_worn_while_it_is_seen(dressed):
+    source, _ = dressed
+    source.shirt.spectral_match_part = character.LEFT_OUT
+    worn = wardrobe_of(source)
+    assert worn.left_out == (source.shirt,) and wardrobe.worn(worn) == [source.shirt]
+    fit()
+    assert len(copy_of(source.shirt.name).data.vertices) == len(source.shirt.data.vertices)
+    source.shirt.hide_set(True)
+    assert wardrobe.worn(wardrobe_of(source)) == []
+
+
 def test_cloth_without_groups_takes_those_of_the_body_under_it(dressed):
     source, target = dressed
     source.shirt.vertex_groups.clear()

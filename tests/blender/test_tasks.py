@@ -22,10 +22,9 @@ def blocks(page, language="python"):
 
 
 def follow(page, **names):
-    """Run a page's blocks, after the choice that the index describes."""
-    for each in ("index", page):
-        for block in blocks(each):
-            exec(compile(block, f"{each}.md", "exec"), names)
+    """Run a page's blocks as they stand."""
+    for block in blocks(page):
+        exec(compile(block, f"{page}.md", "exec"), names)
     return names
 
 
@@ -68,7 +67,15 @@ def test_index_names_every_page():
 def test_every_page_has_five_steps(page):
     text = (TASKS / f"{page}.md").read_text(encoding="utf-8")
     assert re.findall(r"^(\d)\. ", text, re.MULTILINE) == ["1", "2", "3", "4", "5"]
-    assert text.count("![") <= 3
+    assert text.count("![") in (2, 3)
+
+
+@pytest.mark.parametrize("page", ["rig", "outfit", "faces", "lods", "textures", "vrm-gltf"])
+def test_every_block_chooses_as_the_index_does(page):
+    (choice,) = blocks("index")
+    (block,) = blocks(page)
+    chosen = choice.split("\n\n")[1].partition("\n")[2]
+    assert block.startswith("import bpy\n") and chosen in block
 
 
 def test_rig(cast):
@@ -83,14 +90,20 @@ def test_rig(cast):
 
 
 def test_outfit(cast):
+    coat = cast[0].shirt
+    coat.name = "Mia Coat"
     follow("outfit")
-    (copy,) = [obj for obj in bpy.data.objects if obj.get("spectral_match_made_from") == "Mia Shirt"]
-    assert len(copy.data.vertices) == len(bpy.data.objects["Mia Shirt"].data.vertices)
+    assert coat.spectral_match_part == "LEFT_OUT"
+    (copy,) = [obj for obj in bpy.data.objects if obj.get("spectral_match_made_from") == "Mia Coat"]
+    assert len(copy.data.vertices) == len(coat.data.vertices)
 
 
 def test_faces(cast):
     mia, bruno = cast
+    for made, name in zip(cast, ("Mia", "Bruno"), strict=True):
+        made.body.name, made.shirt.name = f"{name} Head", f"{name} Hair"
     follow("faces")
+    assert mia.shirt.spectral_match_part == "LEFT_OUT" == bruno.shirt.spectral_match_part
     keys = bruno.body.data.shape_keys.key_blocks
     moved = np.array([(a.co - b.co).length for a, b in zip(keys["jawOpen"].data, keys[0].data, strict=True)])
     wanted = 0.2 * np.maximum([mia.body.data.vertices[k].co.z for k in bruno.old["Body"]], 0.0)

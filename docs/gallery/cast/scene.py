@@ -17,6 +17,8 @@ from .people import Person
 TEXTURE = 2048
 WALK_FRAMES = 24
 ISLAND_MARGIN = 0.006
+BARE = ("Head", "Hands", "Body", "Eyes", "Lids", "Lashes", "Mouth", "Brows")
+"""Pieces of a person that are not worn."""
 
 
 @dataclass
@@ -55,6 +57,13 @@ def staged(person: Person, x: float = 0.0, *, rig=True, keys=True, texture=True,
     armature = _add_rig(person, meshes, collection, x, label) if rig else None
     bpy.context.view_layer.update()
     return Actor(person, armature, meshes)
+
+
+def leave_out_worn(*actors: Actor):
+    """Untick under Pieces what the actors wear, so that the next match is one of bodies alone."""
+    for actor in actors:
+        for name, obj in actor.meshes.items():
+            obj.spectral_match_part = "AUTOMATIC" if name in BARE else "LEFT_OUT"
 
 
 def _add_keys(obj, piece):
@@ -139,7 +148,7 @@ def _material(name, image, piece):
 
 
 def _add_rig(person, meshes, collection, x, label):
-    rig = bpy.data.objects.new(f"{label} Rig", bpy.data.armatures.new(f"{label} Rig"))
+    rig = bpy.data.objects.new(label, bpy.data.armatures.new(label))
     rig.location.x = x
     collection.objects.link(rig)
     bpy.context.view_layer.objects.active = rig
