@@ -33,8 +33,10 @@ def source(scene):
     source = new_object("Source", *lumpy(3))
     for name in GROUPS:
         source.vertex_groups.new(name=name)
-    bpy.context.window_manager.spectral_match_panel.open_groups = True
+    folds = bpy.context.window_manager.spectral_match_panel
+    folds.open_groups = True
     yield source
+    folds.property_unset("open_groups")
     item_lists.forget()
     bpy.context.window_manager.spectral_match_lists.clear()
 

@@ -158,10 +158,12 @@ def test_messages_come_and_go_below_the_result(bodies):
 
 def grey(bodies):
     """Options of kinds that are drawn grey."""
-    found, settings = [], bpy.context.scene.spectral_match
+    found, folds = [], bpy.context.window_manager.spectral_match_panel
     for kind in KINDS:
-        setattr(settings, f"open_{kind.identifier}", True)
-    transfer_panel.draw_kinds(Layout(found), settings, bodies)
+        setattr(folds, f"open_{kind.identifier}", True)
+    transfer_panel.draw_kinds(Layout(found), bpy.context.scene.spectral_match, bodies)
+    for kind in KINDS:
+        folds.property_unset(f"open_{kind.identifier}")
     shown = {name for kind in KINDS for name in kind.shown}
     return {name for name, is_grey in found if is_grey and name in shown}
 
@@ -296,7 +298,7 @@ def state(obj):
 
 
 def test_kinds_that_the_source_lacks_are_behind_one_line(bodies, scene):
-    for opened in (False, True):
+    for opened in (True, False):
         bpy.context.window_manager.spectral_match_panel.open_lacking = opened
         found = [words for words, _ in drawn(transfer_panel.VIEW3D_PT_spectral_match_transfer)]
         assert "use_keys" in found and "use_armature" not in found
