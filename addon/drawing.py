@@ -12,7 +12,7 @@ import bpy
 
 from . import pair
 from .translation import spoken
-from .typed import EnumItem, Settings
+from .typed import EnumItem, PanelState, Settings
 
 # Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
 PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 60, 10, 20
@@ -78,12 +78,24 @@ def draw_option(
     row.prop(settings, name, **how)
 
 
-def fold(layout: bpy.types.UILayout, settings: Settings, opened: str, text: str) -> None:
-    """A line with an arrow, which shows or hides what follows."""
+def panel_state() -> PanelState:
+    """What of the panel is unfolded, and what its lists are searched for."""
+    return bpy.context.window_manager.spectral_match_panel
+
+
+def draw_arrow(row: bpy.types.UILayout, opened: str, text: str = "") -> bool:
+    """The arrow of a fold; returns whether it is open."""
+    state = panel_state()
+    is_open: bool = getattr(state, opened)
+    row.prop(state, opened, text=text, icon="DOWNARROW_HLT" if is_open else "RIGHTARROW", emboss=False)
+    return is_open
+
+
+def fold(layout: bpy.types.UILayout, opened: str, text: str) -> bool:
+    """A line with an arrow, which shows or hides what follows; returns whether it is shown."""
     row = layout.row()
     row.alignment = "LEFT"
-    icon: EnumItem = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
-    row.prop(settings, opened, text=text, icon=icon, emboss=False)
+    return draw_arrow(row, opened, text)
 
 
 def is_open(context: bpy.types.Context) -> bool:

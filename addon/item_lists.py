@@ -14,6 +14,7 @@ import bpy
 from bpy.props import CollectionProperty, IntProperty
 from bpy.types import PropertyGroup
 
+from .drawing import panel_state
 from .lines import Lines
 from .typed import Settings
 
@@ -51,7 +52,7 @@ class VIEW3D_UL_spectral_match_items(Lines):
     def filter_items(self, context: bpy.types.Context, data: Any, property: str) -> Any:
         entries = getattr(data, property)
         names = [entry.name for entry in entries]
-        found = set(context.scene.spectral_match.found(names))
+        found = set(panel_state().found(names))
         flags = [self.bitflag_filter_item if name in found else 0 for name in names]
         by_name = bpy.types.UI_UL_list.sort_items_by_name(entries) if self.use_filter_sort_alpha else None
         return flags, by_name or []
@@ -64,7 +65,7 @@ def draw(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequ
         return
     # A row would give the search a third, in which a word has no room.
     tools = layout.split(factor=0.55, align=True)
-    tools.prop(settings, "item_search", text="", icon="VIEWZOOM")
+    tools.prop(panel_state(), "item_search", text="", icon="VIEWZOOM")
     both = tools.row(align=True)
     for text, take in (("All", True), ("None", False)):
         button = both.operator("spectral_match.choose_items", text=text)
@@ -72,7 +73,7 @@ def draw(layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequ
     held = bpy.context.window_manager.spectral_match_lists.get(kind.identifier)
     if held is None or [entry.name for entry in held.entries] != list(names):
         _want(kind, names)
-    if not settings.found(names):
+    if not panel_state().found(names):
         layout.label(text="No name with these letters")
     elif held is not None:
         rows = min(len(names), MOST_ROWS)

@@ -124,13 +124,12 @@ def add(
 
     Raises `UnusableObjectError` where one of the two vertices has a landmark of this pair.
     """
-    taken = of_pair(settings, source, target)
-    for landmark, pair in taken:
+    for landmark, pair in of_pair(settings, source, target):
         if (pair.source, pair.source_vertex) == (source, source_vertex) or (
             (pair.target, pair.target_vertex) == (target, target_vertex)
         ):
             raise UnusableObjectError(f"Landmark '{landmark.name}' is there already. Click another point")
-    colours = [landmark.colour for landmark, _ in taken]
+    colours = [landmark.colour for landmark in settings.landmarks]
     colour = min(range(len(palette.LANDMARK_NAMES)), key=lambda each: (colours.count(each), each))
     landmark = settings.landmarks.add()
     landmark.colour, landmark.name = colour, _free_name(settings, palette.LANDMARK_NAMES[colour])

@@ -25,10 +25,20 @@ from . import (
     wording,
 )
 from . import job as job_module
-from .drawing import BIG, CROSS_WIDTH, MatchedSubPanel, MatchTab, SubPanel, draw_option, draw_words, fold
+from .drawing import (
+    BIG,
+    CROSS_WIDTH,
+    MatchedSubPanel,
+    MatchTab,
+    SubPanel,
+    draw_arrow,
+    draw_option,
+    draw_words,
+    fold,
+)
 from .lines import Lines
 from .operators import pick, show
-from .operators.outfit import wearer_of
+from .operators.outfit import Clothes, clothes_of
 from .operators.settings import PRESETS, draw_presets, path_menu
 from .outfit import live, wardrobe
 from .transfer import Bodies
@@ -139,15 +149,7 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             else:
                 row.operator(operator, icon=icon)
         self._draw_landmarks(layout, settings, found)
-        if notice.words and not notice.done:
-            box = layout.box()
-            row = box.row()
-            words = row.column()
-            for line in notice.words.splitlines():
-                draw_words(context, words, line, notice.icon, boxed=True, beside=CROSS_WIDTH)
-            row.operator("spectral_match.dismiss", text="", icon="X", emboss=False)
-            remedy.draw(box, notice.words)
-        elif found.missing:
+        if found.missing:
             box = layout.box()
             draw_words(context, box, found.missing, "INFO", boxed=True)
             remedy.draw(box, found.missing)
@@ -212,6 +214,28 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         row.progress(factor=job.fraction, text=job.words + way_out)
         if not job.blocks:
             row.operator("spectral_match.cancel", text="", icon="X")
+
+
+class VIEW3D_PT_spectral_match_message(SubPanel, Panel):
+    """What the last step said, below the result, which stays where it is when that comes and goes."""
+
+    bl_label = "Notes"
+    bl_options = {"HIDE_HEADER"}
+    bl_order = 1
+
+    @classmethod
+    def poll(cls, _context: bpy.types.Context) -> bool:
+        # What a transfer brought its own panel says.
+        return bool(notice.words) and notice.done is None
+
+    def draw(self, context: bpy.types.Context) -> None:
+        box = self.layout.box()
+        row = box.row()
+        words = row.column()
+        for line in notice.words.splitlines():
+            draw_words(context, words, line, notice.icon, boxed=True, beside=CROSS_WIDTH)
+        row.operator("spectral_match.dismiss", text="", icon="X", emboss=False)
+        remedy.draw(box, notice.words)
 
 
 class PiecesList(Lines):
@@ -391,15 +415,13 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         box.progress(factor=sure, text=said("{} sure", share) if good else said("{} consistent", share))
         if stored.swapped_sides:
             draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
-        settings = context.scene.spectral_match
         for reason in wording.plain(reasons):
             draw_words(context, box, reason, "DOT", boxed=True)
         remedy.draw(box, "\n".join(reasons))
         if now.words:
             draw_words(context, box, now.words, "INFO", boxed=True)
             remedy.draw(box, now.words)
-        fold(box, settings, "open_details", "Details")
-        if settings.open_details:
+        if fold(box, "open_details", "Details"):
             for words in (*reasons, said("matched in {} s", f"{stored.seconds:.1f}")):
                 draw_words(context, box, words[:1].upper() + words[1:], boxed=True, dim=True)
 
@@ -523,11 +545,11 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         if found.source is None:
             draw_words(context, layout, found.missing, "INFO")
             return
-        wearer = wearer_of(found)
-        if len(wearer.whole) == 1 and not wardrobe.worn(wearer):
+        clothes = clothes_of(found)
+        if len(clothes.wearer.whole) == 1 and not clothes.worn:
             words = "The source wears no objects of their own. Check it if it is an outfit without a body"
             draw_words(context, layout, words, "INFO")
-        self._draw_worn(layout, settings, wearer)
+        self._draw_worn(layout, clothes)
         column = layout.column()
         column.use_property_split = True
         column.use_property_decorate = False
@@ -551,7 +573,7 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         found: pair.Pair,
         kept: live.Kept,
     ) -> None:
-        copies = [obj for _, own in kept for obj in own]
+        copies = live.copies_of(kept)
         what = said("1 garment") if len(copies) == 1 else said("{} garments", len(copies))
         draw_words(context, box, said("Done: {}", what), "CHECKMARK", boxed=True)
         words = settings.outfit_inside
@@ -568,27 +590,23 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
                 draw_words(context, box, words, "INFO", boxed=True, dim=True)
 
     @staticmethod
-    def _draw_worn(layout: bpy.types.UILayout, settings: Settings, wearer: Character) -> None:
-        worn, others = wardrobe.worn(wearer), wardrobe.others(wearer)
+    def _draw_worn(layout: bpy.types.UILayout, clothes: Clothes) -> None:
         box = layout.box().column(align=True)
         row = box.row()
-        icon: EnumItem = "DOWNARROW_HLT" if settings.open_outfit else "RIGHTARROW"
-        row.prop(settings, "open_outfit", text="", icon=icon, emboss=False)
-        row.label(text=wearer.name, icon=icon_of(wearer), translate=False)
+        is_open = draw_arrow(row, "open_outfit")
+        row.label(text=clothes.wearer.name, icon=icon_of(clothes.wearer), translate=False)
         count = row.row()
         count.alignment = "RIGHT"
         count.active = False
-        count.label(text=f"{len(worn)} / {len(others)}")
-        if not settings.open_outfit:
-            return
-        for obj in others:
+        count.label(text=f"{len(clothes.worn)} / {len(clothes.others)}")
+        for obj in clothes.others if is_open else ():
             line = box.row()
             line.alignment = "LEFT"
             line.label(text="", icon="BLANK1")
             button = line.operator(
                 "spectral_match.toggle_worn",
                 text=obj.name,
-                icon="CHECKBOX_HLT" if obj in worn else "CHECKBOX_DEHLT",
+                icon="CHECKBOX_HLT" if obj in clothes.worn else "CHECKBOX_DEHLT",
                 emboss=False,
                 translate=False,
             )
@@ -627,6 +645,7 @@ CLASSES = (
     VIEW3D_PT_spectral_match_pieces,
     VIEW3D_PT_spectral_match_options,
     VIEW3D_PT_spectral_match_result,
+    VIEW3D_PT_spectral_match_message,
     VIEW3D_PT_spectral_match_fix,
     *transfer_panel.CLASSES,
     VIEW3D_PT_spectral_match_outfit,

@@ -19,7 +19,7 @@ from bpy.types import Collection, Object, PropertyGroup
 from . import item_lists, morph, pair
 from .character import AUTOMATIC, LEFT_OUT, TAKEN
 from .outfit import live, wardrobe
-from .transfer import TransferChoice, TransferOptions
+from .transfer import TransferFolds, TransferKinds, TransferOptions
 
 
 def _holds_meshes(_settings: bpy.types.PropertyGroup, obj: bpy.types.Object) -> bool:
@@ -86,7 +86,27 @@ def _of_morphs(identifier: str, nothing: Any) -> dict[str, Callable[..., Any]]:
     return {"get": read, "set": write}
 
 
-class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup):
+class SPECTRAL_MATCH_PG_panel(TransferFolds, PropertyGroup):
+    """What of the panel is unfolded, and what its lists are searched for.
+
+    It belongs to the window manager, so that undo neither changes it nor has a step for it.
+    """
+
+    item_search: StringProperty(
+        name="Search", description="List only names with these letters", options={"TEXTEDIT_UPDATE"}
+    )
+    open_details: BoolProperty(name="Details", description="Show what the matcher measured")
+    open_notes: BoolProperty(name="Notes", description="Show what needs a look")
+    open_lacking: BoolProperty(name="Lacking", description="Show what the source does not have")
+    open_outfit: BoolProperty(name="Show", default=True, description="List what the source wears")
+
+    def found(self, names: Iterable[str]) -> list[str]:
+        """Those of these names in which the letters searched for are."""
+        letters = self.item_search.lower()
+        return [name for name in names if letters in name.lower()]
+
+
+class SPECTRAL_MATCH_PG_settings(TransferKinds, TransferOptions, PropertyGroup):
     """Settings of a scene; those of the transfer are declared with each kind of data."""
 
     pinned: BoolProperty(
@@ -169,12 +189,6 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
     )
 
     skipped: CollectionProperty(type=SPECTRAL_MATCH_PG_skipped)
-    item_search: StringProperty(
-        name="Search", description="List only names with these letters", options={"TEXTEDIT_UPDATE"}
-    )
-    open_details: BoolProperty(name="Details", description="Show what the matcher measured")
-    open_notes: BoolProperty(name="Notes", description="Show what needs a look")
-    open_lacking: BoolProperty(name="Lacking", description="Show what the source does not have")
     # Of all meshes of a character at once; the modifiers have the values.
     morph_factor: FloatProperty(
         name="Morph",
@@ -227,15 +241,16 @@ class SPECTRAL_MATCH_PG_settings(TransferChoice, TransferOptions, PropertyGroup)
         "Mask modifier leaves out. Nothing is deleted",
     )
     outfit_inside: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
-    open_outfit: BoolProperty(name="Show", default=True, description="List what the source wears")
 
     landmarks: CollectionProperty(type=SPECTRAL_MATCH_PG_landmark)
     landmark_index: IntProperty(name="Landmark", description="Chosen pair of landmarks")
 
-    def found(self, names: Iterable[str]) -> list[str]:
-        """Those of these names in which the letters searched for are."""
-        letters = self.item_search.lower()
-        return [name for name in names if letters in name.lower()]
+    def take(self, *kinds: str) -> None:
+        """Carry these kinds alone, each as it is by default: how presets begin."""
+        for name in TransferOptions.__annotations__:
+            self.property_unset(name)
+        for name in TransferKinds.__annotations__:
+            setattr(self, name, name.removeprefix("use_") in kinds)
 
     def skips(self, kind: str, name: str) -> bool:
         return self.skipped.find(f"{kind}/{name}") >= 0
@@ -255,6 +270,7 @@ CLASSES = (
     SPECTRAL_MATCH_PG_landmark,
     SPECTRAL_MATCH_PG_skipped,
     *item_lists.GROUPS,
+    SPECTRAL_MATCH_PG_panel,
     SPECTRAL_MATCH_PG_settings,
 )
 
@@ -263,6 +279,7 @@ def register() -> None:
     for cls in CLASSES:
         bpy.utils.register_class(cls)
     bpy.types.WindowManager.spectral_match_lists = CollectionProperty(type=item_lists.SPECTRAL_MATCH_PG_list)
+    bpy.types.WindowManager.spectral_match_panel = PointerProperty(type=SPECTRAL_MATCH_PG_panel)
     bpy.types.Scene.spectral_match = PointerProperty(type=SPECTRAL_MATCH_PG_settings)
     bpy.types.Mesh.spectral_match = PointerProperty(type=SPECTRAL_MATCH_PG_stored_match)
     # On the object: a mesh that points to an object crashes Blender 5.0 when a script removes that object.
@@ -301,6 +318,7 @@ def unregister() -> None:
     del bpy.types.Object.spectral_match_source
     del bpy.types.Mesh.spectral_match
     del bpy.types.Scene.spectral_match
+    del bpy.types.WindowManager.spectral_match_panel
     del bpy.types.WindowManager.spectral_match_lists
     for cls in reversed(CLASSES):
         bpy.utils.unregister_class(cls)

@@ -11,12 +11,12 @@ from bpy.types import Panel
 
 from . import item_lists, notice, pair, remedy, stored_match, wording
 from .character import is_there
-from .drawing import MatchedSubPanel, draw_option, draw_words, fold
+from .drawing import MatchedSubPanel, draw_arrow, draw_option, draw_words, fold
 from .operators import compare
 from .operators.settings import draw_presets
 from .transfer import KINDS, Bodies, has_effect, names_of
 from .translation import OWN_CONTEXT, said
-from .typed import EnumItem, Settings
+from .typed import Settings
 
 if TYPE_CHECKING:
     from .transfer.kind import Kind
@@ -40,14 +40,12 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
             remedy.draw(layout, elsewhere[0])
             return
         if notice.done is not None:
-            self._draw_done(context, layout.box().column(), settings, notice.done())
+            self._draw_done(context, layout.box().column(), notice.done())
         draw_presets(layout)
         draw_kinds(layout, settings, Bodies(sources, matched))
 
     @staticmethod
-    def _draw_done(
-        context: bpy.types.Context, box: bpy.types.UILayout, settings: Settings, done: str
-    ) -> None:
+    def _draw_done(context: bpy.types.Context, box: bpy.types.UILayout, done: str) -> None:
         draw_words(context, box, done, "CHECKMARK", boxed=True)
         row = box.row(align=True)
         # What is seen is the transfer's state, or that of the step before it.
@@ -71,20 +69,10 @@ class VIEW3D_PT_spectral_match_transfer(MatchedSubPanel, Panel):
         look, told = wording.notes_in_order(notice.words.splitlines())
         if look:
             one = said("1 thing needs a look")
-            fold(
-                box,
-                settings,
-                "open_notes",
-                one if len(look) == 1 else said("{} things need a look", len(look)),
-            )
-        elif told:
-            fold(
-                box,
-                settings,
-                "open_notes",
-                said("1 note") if len(told) == 1 else said("{} notes", len(told)),
-            )
-        if not settings.open_notes:
+            words = one if len(look) == 1 else said("{} things need a look", len(look))
+        else:
+            words = said("1 note") if len(told) == 1 else said("{} notes", len(told))
+        if not (look or told) or not fold(box, "open_notes", words):
             return
         for note in look:
             draw_words(context, box, note, "DOT", boxed=True)
@@ -103,8 +91,8 @@ def draw_kinds(layout: bpy.types.UILayout, settings: Settings, bodies: Bodies) -
             _draw_kind(column, settings, kind, names, bodies)
     lacking = [kind for kind, names in listed if not names]
     if lacking:
-        fold(layout, settings, "open_lacking", said("{} more that the source lacks", len(lacking)))
-        for kind in lacking if settings.open_lacking else ():
+        is_open = fold(layout, "open_lacking", said("{} more that the source lacks", len(lacking)))
+        for kind in lacking if is_open else ():
             line = layout.row()
             line.active = False
             line.label(text=kind.label, icon=kind.icon)
@@ -113,17 +101,16 @@ def draw_kinds(layout: bpy.types.UILayout, settings: Settings, bodies: Bodies) -
 def _draw_kind(
     layout: bpy.types.UILayout, settings: Settings, kind: Kind, names: Sequence[str], bodies: Bodies
 ) -> None:
-    use, opened = f"use_{kind.identifier}", f"open_{kind.identifier}"
+    use = f"use_{kind.identifier}"
     row = layout.row(align=True)
-    icon: EnumItem = "DOWNARROW_HLT" if getattr(settings, opened) else "RIGHTARROW"
-    row.prop(settings, opened, text="", icon=icon, emboss=False)
+    is_open = draw_arrow(row, f"open_{kind.identifier}")
     row.prop(settings, use, text=kind.label)
     chosen = sum(not settings.skips(kind.identifier, name) for name in names)
     count = row.row()
     count.alignment = "RIGHT"
     count.active = False
     count.label(text=str(len(names)) if chosen == len(names) else said("{} of {}", chosen, len(names)))
-    if not getattr(settings, opened):
+    if not is_open:
         return
     box = layout.box().column()
     box.active = getattr(settings, use)

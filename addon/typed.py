@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from .operators.carry import GivenOptions
     from .properties import (
         SPECTRAL_MATCH_PG_landmark,
+        SPECTRAL_MATCH_PG_panel,
         SPECTRAL_MATCH_PG_settings,
         SPECTRAL_MATCH_PG_stored_match,
     )
@@ -39,6 +40,7 @@ EnumItem: TypeAlias = Any
 Pointed: TypeAlias = "bpy.types.Object | Any"
 
 Settings: TypeAlias = "SPECTRAL_MATCH_PG_settings"
+PanelState: TypeAlias = "SPECTRAL_MATCH_PG_panel"
 Landmark: TypeAlias = "SPECTRAL_MATCH_PG_landmark"
 StoredMatch: TypeAlias = "SPECTRAL_MATCH_PG_stored_match"
 # Settings of a scene, or of an operator where it was given some.

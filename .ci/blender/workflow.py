@@ -459,13 +459,13 @@ def fine_copy(obj):
 
 def lists():
     """`yield from`: a list of groups comes when it is opened."""
-    settings = bpy.context.scene.spectral_match
-    settings.open_groups = True
+    panel = bpy.context.window_manager.spectral_match_panel
+    panel.open_groups = True
     yield from window.redrawn()
     held = bpy.context.window_manager.spectral_match_lists
     yield from window.until(lambda: "groups" in held and len(held["groups"].entries) == 3, "the list")
     yield from window.shot("15_list")
-    settings.open_groups = False
+    panel.open_groups = False
 
 
 def adjust(target, done, what):

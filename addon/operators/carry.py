@@ -10,7 +10,7 @@ import bpy
 from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator
 
-from .. import character, core, mesh_read, mesh_write, notice, pair, stored_match
+from .. import character, core, drawing, mesh_read, mesh_write, notice, pair, stored_match
 from ..job import Job
 from ..mesh_read import UnusableObjectError
 from ..transfer import (
@@ -264,7 +264,7 @@ class SPECTRAL_MATCH_OT_choose_items(Step, Operator):
         pieces = pair.matched_pieces(context)
         sources = dict.fromkeys(obj for piece in pieces for obj, _, _ in stored_match.sources_of(piece))
         listed = list(filter(character.is_there, sources)) or pair.resolve(context).source_pieces
-        for name in settings.found(names_of(kind, listed)):
+        for name in drawing.panel_state().found(names_of(kind, listed)):
             settings.skip(self.kind, name, not self.take)
         return {"FINISHED"}
 

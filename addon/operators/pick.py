@@ -198,8 +198,9 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         targets = [obj for obj in ends if obj not in found.source.whole]
         if sources and targets:
             source, target = sources[0], targets[0]
-            landmarks.add(context.scene.spectral_match, source, ends[source], target, ends[target])
+            # Also where the pair is refused: it may be for the first point.
             state.first = None
+            landmarks.add(context.scene.spectral_match, source, ends[source], target, ends[target])
             self._added += 1
             bpy.ops.ed.undo_push(message="Add Landmark")
         else:

@@ -12,7 +12,7 @@ from bpy.types import Menu, Operator
 
 from .. import preferences, prepared
 from ..mesh_read import UnusableObjectError
-from ..transfer import TransferChoice, TransferOptions
+from ..transfer import TransferKinds, TransferOptions
 from ..translation import OWN_CONTEXT, spoken
 from ..typed import Outcome
 from .step import Step
@@ -26,7 +26,7 @@ PRESET_NAMES = (
     "part",
     "allow_mirror",
     "same_axes",
-    *(name for name in TransferChoice.__annotations__ if name.startswith("use_")),
+    *TransferKinds.__annotations__,
     *TransferOptions.__annotations__,
 )
 

@@ -55,9 +55,11 @@ def _activate(mesh: bpy.types.Mesh, name: str) -> None:
 
 def _colour_viewport(space: Any) -> None:
     shading = space.shading
-    _earlier_colouring.setdefault(
-        space.as_pointer(), (shading.type, shading.color_type, shading.light, shading.show_cavity)
-    )
+    # A file that was saved with our colors opens with them: what was before them is not known.
+    if (shading.color_type, shading.light) != ("VERTEX", "FLAT"):
+        _earlier_colouring.setdefault(
+            space.as_pointer(), (shading.type, shading.color_type, shading.light, shading.show_cavity)
+        )
     shading.type, shading.color_type = "SOLID", "VERTEX"
     # Flat, so that shade is not taken for colour; cavities tell the form.
     shading.light, shading.show_cavity = "FLAT", True

@@ -57,6 +57,11 @@ def _is_whole(obj: bpy.types.Object, garment: Garment) -> bool:
     return there and len(obj.data.vertices) == len(garment.points)
 
 
+def copies_of(kept: Kept) -> list[bpy.types.Object]:
+    """The objects of these outfits."""
+    return [obj for _, copies in kept for obj in copies]
+
+
 def kept_on(targets: Iterable[Character]) -> Kept:
     """The same on these characters."""
     return kept_for(piece for target in targets for piece in target.whole)
@@ -88,7 +93,7 @@ def look_closer(kept: Kept, options: fitting.Options) -> None:
 
 def looked_at(kept: Kept) -> bool:
     """Whether an object of these outfits has a heat map."""
-    return any(mesh_write.HEAT in obj.data.attributes for _, copies in kept for obj in copies)
+    return any(mesh_write.HEAT in obj.data.attributes for obj in copies_of(kept))
 
 
 def put(own: bpy.types.Object, points: Floats, keys: Mapping[str, Floats]) -> None:

@@ -108,13 +108,12 @@ TransferKinds: Any = type(
         },
     },
 )
-TransferChoice: Any = type(
-    "TransferChoice",
+TransferFolds: Any = type(
+    "TransferFolds",
     (),
     {
-        "__doc__": "`use_KIND` chooses a kind, `open_KIND` lists its items in the panel.",
-        "__annotations__": TransferKinds.__annotations__
-        | {
+        "__doc__": "`open_KIND` lists a kind's items in the panel.",
+        "__annotations__": {
             f"open_{kind.identifier}": BoolProperty(
                 name="Show", description="Show how this is carried, and each of its items"
             )

@@ -188,12 +188,12 @@ def test_a_transfer_too_long_ago_for_undo_stays(bodies, monkeypatch):
 
 
 def test_all_and_none_mean_what_the_search_finds(bodies, scene):
-    settings = scene.spectral_match
-    settings.item_search = "bone 1"
+    settings, panel = scene.spectral_match, bpy.context.window_manager.spectral_match_panel
+    panel.item_search = "bone 1"
     bpy.ops.spectral_match.choose_items(kind="groups", take=False)
     skipped = [name for name in GROUPS if settings.skips("groups", name)]
     assert skipped == GROUPS[10:20]
-    settings.item_search = ""
+    panel.item_search = ""
     bpy.ops.spectral_match.choose_items(kind="groups", take=True)
     assert not settings.skipped
 

@@ -33,8 +33,10 @@ def source(scene):
     source = new_object("Source", *lumpy(3))
     for name in GROUPS:
         source.vertex_groups.new(name=name)
-    scene.spectral_match.open_groups = True
+    folds = bpy.context.window_manager.spectral_match_panel
+    folds.open_groups = True
     yield source
+    folds.property_unset("open_groups")
     item_lists.forget()
     bpy.context.window_manager.spectral_match_lists.clear()
 
@@ -61,6 +63,19 @@ def test_lists_follow_the_source_and_drawing_changes_nothing(source):
         assert not bpy.app.timers.is_registered(item_lists.bring_up_to_date)
 
 
+def test_undo_knows_nothing_of_folds_and_searches(source):
+    """They stay as they are, whatever is undone."""
+    bpy.ops.ed.undo_push(message="Before")
+    source.location.x = 1.0
+    bpy.ops.ed.undo_push(message="Move")
+    panel = bpy.context.window_manager.spectral_match_panel
+    panel.open_uv, panel.item_search = True, "bone"
+    assert bpy.ops.ed.undo() == {"FINISHED"} and bpy.data.objects["Source"].location.x == 0.0
+    panel = bpy.context.window_manager.spectral_match_panel
+    assert (panel.open_uv, panel.open_groups, panel.item_search) == (True, True, "bone")
+    panel.open_uv, panel.item_search = False, ""
+
+
 def test_one_item_needs_no_list(source):
     for name in GROUPS[1:]:
         source.vertex_groups.remove(source.vertex_groups[name])
@@ -73,7 +88,7 @@ def test_a_list_shows_what_the_search_finds(source, scene):
     (held,) = bpy.context.window_manager.spectral_match_lists
     shown = SimpleNamespace(bitflag_filter_item=FOUND, use_filter_sort_alpha=False)
     for letters in ("", "BONE 1", "nowhere"):
-        scene.spectral_match.item_search = letters
+        bpy.context.window_manager.spectral_match_panel.item_search = letters
         flags, order = item_lists.VIEW3D_UL_spectral_match_items.filter_items(
             shown, bpy.context, held, "entries"
         )
@@ -81,7 +96,7 @@ def test_a_list_shows_what_the_search_finds(source, scene):
         assert found == [name for name in GROUPS if letters.lower() in name.lower()] and not order
     assert not drawn(source)
     shown.use_filter_sort_alpha = True
-    scene.spectral_match.item_search = ""
+    bpy.context.window_manager.spectral_match_panel.item_search = ""
     _, order = item_lists.VIEW3D_UL_spectral_match_items.filter_items(shown, bpy.context, held, "entries")
     by_name = sorted(GROUPS, key=str.lower)
     assert [by_name.index(name) for name in GROUPS] == list(order)

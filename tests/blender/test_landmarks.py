@@ -1,6 +1,10 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Landmarks: pairs of vertices that the next match holds together."""
 
+from contextlib import nullcontext
+from functools import partial
+from types import SimpleNamespace
+
 import bpy
 import numpy as np
 import pytest
@@ -8,10 +12,12 @@ import sgmds
 from conftest import choose, lumpy, new_object
 from mathutils import Vector
 
-from addon import landmarks, mesh_read, stored_match
+from addon import landmarks, mesh_read, overlay, stored_match
 from addon.mesh_read import UnusableObjectError
 from addon.mesh_write import read_attribute
 from addon.operators import pick
+from addon.overlay import Picking, Point
+from addon.pair import resolve
 
 
 def add(source_vertex, target_vertex):
@@ -86,6 +92,33 @@ def test_colours_are_taken_in_turn_and_kept(pair, scene):
     assert [mark.colour for mark in marks] == [0, 2, 3, 4, 5, 0]
     add(20, 20)
     assert marks[6].name == "Blue"
+
+
+def test_each_mesh_of_a_character_takes_another_colour(pair, scene):
+    source, target, _ = pair
+    marks = scene.spectral_match.landmarks
+    other = new_object("Other", [(0, 0, 0), (1, 0, 0), (0, 1, 0)], [(0, 1, 2)])
+    for piece in (source, other):
+        landmarks.add(scene.spectral_match, piece, 1, target, len(marks))
+    assert [(mark.name, mark.colour) for mark in marks] == [("Orange", 0), ("Blue", 1)]
+
+
+@pytest.mark.parametrize("taken", ["first", "second", ""])
+def test_a_refused_pair_is_clicked_anew(pair, scene, monkeypatch, taken):
+    """Either of its points may be the one that is taken: both are forgotten."""
+    source, target, _ = pair
+    add(3, 7)
+    points = [Point(source.session_uid, 3 if taken == "first" else 4)]
+    points.append(Point(target.session_uid, 7 if taken == "second" else 8))
+    monkeypatch.setattr(overlay, "picking", Picking())
+    clicks = iter(points)
+    operator = SimpleNamespace(_under=lambda *_: next(clicks), _show=lambda _context: None, _added=0)
+    click = partial(pick.SPECTRAL_MATCH_OT_pick_landmarks._click, operator, bpy.context)
+    click(resolve(bpy.context), None, None)
+    assert overlay.picking.first == points[0]
+    with pytest.raises(UnusableObjectError, match="is there already") if taken else nullcontext():
+        click(resolve(bpy.context), None, None)
+    assert overlay.picking.first is None and len(scene.spectral_match.landmarks) == (1 if taken else 2)
 
 
 def test_outdated_landmark_is_refused_in_words(pair):

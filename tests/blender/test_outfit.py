@@ -14,9 +14,10 @@ from mathutils.bvhtree import BVHTree
 from test_panel import drawn
 from test_transfer import store_map, weights_of
 
-from addon import character, command_line, mesh_read, notice, palette, panels
+from addon import character, command_line, mesh_read, notice, pair, palette, panels
 from addon.mesh_write import HEAT, read_attribute, write_attribute
 from addon.operators import show
+from addon.operators.outfit import clothes_of
 from addon.outfit import live, wardrobe
 
 # Frames keep a thousandth of their ridge, over a body that is four high.
@@ -401,6 +402,22 @@ def test_boxes_decide_what_is_fitted(dressed):
     bpy.context.view_layer.update()
     np.testing.assert_allclose(places(eye), turned(places(source.eye)), atol=0.02)
     assert not [obj for obj in bpy.data.objects if obj.get("spectral_match_made_from") == source.shirt.name]
+
+
+def test_the_panel_keeps_what_it_found_until_a_box_is_pressed(dressed, monkeypatch):
+    source, _ = dressed
+    asked = []
+    real = wardrobe.others
+    monkeypatch.setattr(wardrobe, "others", lambda body: asked.append(body) or real(body))
+    found = pair.resolve(bpy.context)
+    for worn in (True, False, True):
+        for _ in range(2):
+            assert (source.shirt in clothes_of(found).worn) == worn
+        assert bpy.ops.spectral_match.toggle_worn(garment=source.shirt.name) == {"FINISHED"}
+    assert len(asked) == 3
+    assert (
+        clothes_of(pair.resolve(bpy.context)).worn == wardrobe.worn(wardrobe_of(source)) and len(asked) == 4
+    )
 
 
 def test_what_is_worn_lies_over_what_the_same_bones_move(scene):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from conftest import choose, lumpy, new_object
 from test_textures import FINER, SAME, Body, shown
-from test_transfer import store_identity, transfer
+from test_transfer import store_identity, store_map, store_nearest, transfer
 from test_transfer_kinds import photo
 
 from addon import notice, remedy, wording
@@ -63,6 +63,35 @@ def test_faults_of_a_map_are_told_where_something_is_seen_by_it(alike, monkeypat
     assert notice.words and "stretched" not in notice.words
     transfer(alike.source, alike.target, kinds="uv")
     assert "UV map 'UVMap Source' on 'Target' is stretched 1.0 times as much" in notice.words
+
+
+def sheet(name, left, right, fold=1.0):
+    """A grid of squares from `left` to `right`, folded back at the height `fold`."""
+    x, y = np.meshgrid(np.arange(left, right + 0.01, 0.1), np.arange(-1.0, 1.01, 0.1), indexing="ij")
+    points = np.stack([x, np.minimum(y, 2.0 * fold - y), 0.0 * x], axis=-1).reshape(-1, 3)
+    corner = np.arange(x.size).reshape(x.shape)
+    corners = [corner[:-1, :-1], corner[1:, :-1], corner[1:, 1:], corner[:-1, 1:]]
+    return new_object(name, points, np.stack(corners, axis=-1).reshape(-1, 4))
+
+
+@pytest.mark.parametrize("fold", [1.0, 0.5])
+def test_flips_are_told_where_the_source_has_none(scene, fold):
+    """Of what a target shows: a quarter of the left half is mirrored on the source, and nothing else."""
+    source, target, folded = sheet("Source", -1, 1), sheet("Target", -1, 0), sheet("Folded", -1, 0, fold)
+    uv = source.data.uv_layers.new(name="UVMap").uv
+    for polygon in source.data.polygons:
+        mirrored = polygon.center.x < 0.0 and polygon.center.y < -0.5
+        for loop in polygon.loop_indices:
+            x, y, _ = source.data.vertices[source.data.loops[loop].vertex_index].co
+            uv[loop].vector = (-1.0 - x if mirrored else x) * 0.5 + 0.5, y * 0.5 + 0.5
+    store_nearest(source, folded)
+    face, weights = (
+        read_attribute(folded.data.attributes[f"match_{name}"]) for name in ("face", "barycentric")
+    )
+    store_map(source, target, face, weights)
+    transfer(source, target, kinds="uv")
+    assert ("has 50% flipped area (source 25%)" in notice.words) == (fold < 1.0), notice.words
+    assert ("flipped" in notice.words) == (fold < 1.0)
 
 
 def test_on_request_a_map_is_replaced(alike):

@@ -118,7 +118,7 @@ def test_reasons_of_a_match_stay_after_a_transfer(bodies):
         (outfit.SPECTRAL_MATCH_OT_fit_outfit, "Fitting"),
     ],
 )
-def test_a_stop_is_said_beside_the_button(bodies, operator, what):
+def test_a_stop_is_said_in_the_panel(bodies, operator, what):
     stopped = match.MatchJob([], [], None, {}) if what == "Match" else job.Job()
     stopped.cancelled = True
 
@@ -132,17 +132,38 @@ def test_a_stop_is_said_beside_the_button(bodies, operator, what):
     assert operator.conclude(pressed, bpy.context, stopped) == {"CANCELLED"}
     words = f"{what} stopped; nothing was changed"
     assert pressed.told == ({"INFO"}, words) and (notice.words, notice.icon) == (words, "INFO")
-    assert words in [drawn_words for drawn_words, _ in drawn(panels.VIEW3D_PT_spectral_match)]
+    assert words in [drawn_words for drawn_words, _ in drawn(panels.VIEW3D_PT_spectral_match_message)]
+
+
+def test_messages_come_and_go_below_the_result(bodies):
+    """What is above them stays in its place. What a transfer brought has a place of its own."""
+    message = panels.VIEW3D_PT_spectral_match_message
+    order = [cls.bl_order for cls in panels.CLASSES if hasattr(cls, "bl_order")]
+    above = panels.CLASSES[: panels.CLASSES.index(message)]
+    assert order == sorted(order) and panels.VIEW3D_PT_spectral_match_result in above
+
+    def height():
+        shown = (panels.VIEW3D_PT_spectral_match, panels.VIEW3D_PT_spectral_match_result)
+        return [drawn(panel) for panel in shown]
+
+    before = height()
+    assert not message.poll(bpy.context)
+    notice.say("Something\nis wrong")
+    assert message.poll(bpy.context) and height() == before
+    notice.finish(bpy.context, lambda: "Done", ["A note"])
+    assert notice.words and not message.poll(bpy.context)
     notice.say("It failed")
     assert notice.icon == "ERROR"
 
 
 def grey(bodies):
     """Options of kinds that are drawn grey."""
-    found, settings = [], bpy.context.scene.spectral_match
+    found, folds = [], bpy.context.window_manager.spectral_match_panel
     for kind in KINDS:
-        setattr(settings, f"open_{kind.identifier}", True)
-    transfer_panel.draw_kinds(Layout(found), settings, bodies)
+        setattr(folds, f"open_{kind.identifier}", True)
+    transfer_panel.draw_kinds(Layout(found), bpy.context.scene.spectral_match, bodies)
+    for kind in KINDS:
+        folds.property_unset(f"open_{kind.identifier}")
     shown = {name for kind in KINDS for name in kind.shown}
     return {name for name, is_grey in found if is_grey and name in shown}
 
@@ -277,9 +298,8 @@ def state(obj):
 
 
 def test_kinds_that_the_source_lacks_are_behind_one_line(bodies, scene):
-    settings = scene.spectral_match
-    for opened in (False, True):
-        settings.open_lacking = opened
+    for opened in (True, False):
+        bpy.context.window_manager.spectral_match_panel.open_lacking = opened
         found = [words for words, _ in drawn(transfer_panel.VIEW3D_PT_spectral_match_transfer)]
         assert "use_keys" in found and "use_armature" not in found
         assert ("Armature" in found) == opened

@@ -30,6 +30,18 @@ def test_shipped_preset_is_applied_and_reset(scene, preset):
     assert not settings.skipped
 
 
+def test_a_preset_does_not_depend_on_the_one_before(scene):
+    settings = scene.spectral_match
+    made = {}
+    for before in PRESETS:
+        for preset in PRESETS:
+            for chosen in (before, preset):
+                bpy.ops.script.execute_preset(filepath=str(chosen), menu_idname="SPECTRAL_MATCH_MT_presets")
+            now = {name: getattr(settings, name) for name in PRESET_NAMES}
+            assert made.setdefault(preset, now) == now, (before.stem, preset.stem)
+    assert len({str(now) for now in made.values()}) == len(PRESETS)
+
+
 def triangles():
     vertices, faces = lumpy(8)
     quads = np.array(faces)

@@ -10,6 +10,7 @@ from mathutils import Euler, Matrix
 
 from addon import laid_over, morph, overlay, palette
 from addon.mesh_write import read_attribute, write_attribute
+from addon.operators import show
 
 # Linear RGB as seen without the middle or the long cones (Vienot, Brettel, Mollon 1999).
 DICHROMATS = {
@@ -258,6 +259,18 @@ def test_colours_off_brings_the_earlier_layer_back(pair):
     assert target.data.color_attributes.active_color.name == "match_color"
     bpy.ops.spectral_match.show(what="NOTHING")
     assert target.data.color_attributes.active_color.name == "Paint"
+
+
+def test_colours_off_leaves_the_colours_that_a_file_was_saved_with(pair):
+    """It opens as the viewport was: what was before is the studio light and the materials."""
+    bpy.ops.spectral_match.match()
+    bpy.ops.spectral_match.show(what="COLOURS")
+    show._forget_file("")
+    bpy.ops.spectral_match.show(what="CONFIDENCE")
+    bpy.ops.spectral_match.show(what="NOTHING")
+    areas = [area for window in bpy.context.window_manager.windows for area in window.screen.areas]
+    (shading,) = (area.spaces.active.shading for area in areas if area.type == "VIEW_3D")
+    assert (shading.color_type, shading.light) == ("MATERIAL", "STUDIO")
 
 
 def test_undo_of_painted_colours_shows_those_of_the_match_flat_again(pair):
