@@ -108,6 +108,17 @@ impl Bridges {
         // A wide gap counts as one that is as much narrower as wider ones are bridged.
         narrow.min(wide.map_or(f32::INFINITY, |gap| gap - (self.wide - self.blend)))
     }
+
+    /// Whether the ways from a place to two groups are no longer than twice a width together.
+    fn two_groups_are_near(&self, tree: &Tree, q: Place, width: f32) -> bool {
+        let Some(first) = tree.nearest(q, width * width, &|_| false) else {
+            return false;
+        };
+        let left = 2.0 * width - first.squared.sqrt();
+        let group = self.groups[first.piece as usize];
+        let is_same = |piece: u32| self.groups[piece as usize] == group;
+        tree.nearest(q, left * left, &is_same).is_some()
+    }
 }
 
 impl Band {
@@ -127,8 +138,7 @@ impl Band {
             root.high.map(|x| x + margin),
             step,
         );
-        let half = step * (SIDE - 1) as f32 / 2.0;
-        let wide = (half * 3f32.sqrt() + reach).powi(2);
+        let wide = (grid.half() * 3f32.sqrt() + reach).powi(2);
         progress.check()?;
         let sides = sides(tree, &grid, wide);
         for (brick, side) in (0..).zip(&sides) {
@@ -151,18 +161,66 @@ impl Band {
             reach,
         };
         progress.check()?;
-        let mut done = 0;
-        while done < band.grid.active.len() {
-            let new: Vec<Values<Sample>> = band.grid.active[done..]
+        band.fill(tree, bridges, progress)?;
+        Ok(band)
+    }
+
+    /// The band of a soup with wider gaps bridged between groups, if any are so near to one another: the bricks where that
+    /// matters are sampled anew.
+    pub fn bridged(
+        &self,
+        tree: &Tree,
+        bridges: &Bridges,
+        progress: &Progress,
+    ) -> Result<Option<Self>> {
+        let needed = bridges.wide + FIELD.diagonal * self.grid.step;
+        let mut band = Self {
+            grid: self.grid.clone(),
+            samples: self.samples.clone(),
+            reach: self.reach.max(needed),
+        };
+        let width = self.grid.half() * 3f32.sqrt() + needed;
+        let between: Vec<u32> = (0..self.grid.slots.len() as u32)
+            .into_par_iter()
+            .filter(|&brick| bridges.two_groups_are_near(tree, self.grid.middle(brick), width))
+            .collect();
+        progress.check()?;
+        if between.is_empty() {
+            return Ok(None);
+        }
+        let slots: Vec<usize> = (between.iter())
+            .map(|&brick| self.grid.slots[brick as usize] as usize)
+            .filter(|&slot| slot < self.samples.len())
+            .collect();
+        let anew: Vec<Values<Sample>> = (slots.par_iter())
+            .map(|&slot| band.sampled(tree, band.grid.active[slot], bridges))
+            .collect();
+        for (&slot, samples) in slots.iter().zip(anew) {
+            band.samples[slot] = samples;
+        }
+        progress.check()?;
+        for brick in between {
+            if self.grid.slots[brick as usize] as usize >= self.samples.len() {
+                band.grid.activate(brick);
+            }
+        }
+        band.fill(tree, bridges, progress)?;
+        Ok(Some(band))
+    }
+
+    /// Samples the bricks that wait for it, and those that these show to be needed.
+    fn fill(&mut self, tree: &Tree, bridges: &Bridges, progress: &Progress) -> Result<()> {
+        while self.samples.len() < self.grid.active.len() {
+            let from = self.samples.len();
+            let new: Vec<Values<Sample>> = self.grid.active[from..]
                 .par_iter()
-                .map(|&brick| band.sampled(tree, brick, bridges))
+                .map(|&brick| self.sampled(tree, brick, bridges))
                 .collect();
-            band.samples.extend(new);
-            let from = std::mem::replace(&mut done, band.samples.len());
-            band.follow(from);
+            self.samples.extend(new);
+            self.follow(from);
             progress.check()?;
         }
-        Ok(band)
+        Ok(())
     }
 
     fn sampled(&self, tree: &Tree, brick: u32, bridges: &Bridges) -> Values<Sample> {
@@ -173,9 +231,11 @@ impl Band {
                 points[axis][n] = place[axis];
             }
         }
-        let half = self.grid.step * (SIDE - 1) as f32 / 2.0;
-        let middle = self.grid.place(self.grid.corner(brick)).map(|x| x + half);
-        let windings = tree.winding_in(&Part { middle, half }, &points);
+        let part = Part {
+            middle: self.grid.middle(brick),
+            half: self.grid.half(),
+        };
+        let windings = tree.winding_in(&part, &points);
         let mut samples = [Sample::default(); POINTS];
         let mut known = u32::MAX;
         for n in 0..POINTS {

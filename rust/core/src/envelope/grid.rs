@@ -64,6 +64,16 @@ impl Grid {
         [0, 1, 2].map(|i| self.origin[i] + self.step * point[i] as f32)
     }
 
+    /// Half of what the points of a brick take up along an axis.
+    pub fn half(&self) -> f32 {
+        self.step * (SIDE - 1) as f32 / 2.0
+    }
+
+    /// Middle of the points of a brick.
+    pub fn middle(&self, brick: u32) -> [f32; 3] {
+        self.place(self.corner(brick)).map(|x| x + self.half())
+    }
+
     /// Points of a brick in the order of its values.
     pub fn points(&self, brick: u32) -> impl Iterator<Item = [usize; 3]> {
         let [x, y, z] = self.corner(brick);

@@ -215,8 +215,9 @@ impl Figure {
                 groups: apart.groups.clone(),
                 wide: wide as f32,
             };
-            let reach = reach.max(wide as f32);
-            let band = Band::of(&self.tree, self.step, reach, &bridges, progress)?;
+            let Some(band) = band.bridged(&self.tree, &bridges, progress)? else {
+                continue;
+            };
             let level = band.level(apart.offsets);
             let found = Candidate::of(level, apart.offsets, &self.seen, self.pieces);
             if let Some(found) = found.filter(|found| found.kept_share > apart.kept_share) {
