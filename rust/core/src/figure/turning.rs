@@ -204,22 +204,38 @@ mod tests {
         }
     }
 
-    /// Two pyramids over a star, whose points are so far from the middle.
+    /// A star that is thick in its middle, whose points are so far from there.
     fn star(points: &[f64]) -> Mesh {
-        let count = 2 * points.len();
-        let rim = (0..count).map(|i| {
-            let angle = TAU * i as f64 / count as f64;
-            let far = if i % 2 == 0 { points[i / 2] } else { 0.4 };
-            [far * angle.cos(), far * angle.sin(), 0.0]
+        let around = 2 * points.len();
+        let rings = [(0.4, -0.4), (0.8, -0.2), (1.0, 0.0), (0.8, 0.2), (0.4, 0.4)];
+        let sides = rings.iter().flat_map(|&(size, height)| {
+            (0..around).map(move |i| {
+                let angle = TAU * i as f64 / around as f64;
+                let far = size * if i % 2 == 0 { points[i / 2] } else { 0.4 };
+                [far * angle.cos(), far * angle.sin(), height]
+            })
         });
-        let vertices: Vec<Point> = rim.chain([[0.0, 0.0, 0.5], [0.0, 0.0, -0.5]]).collect();
-        let n = count as i64;
-        let faces = (0..n).flat_map(|i| [[i, (i + 1) % n, n], [(i + 1) % n, i, n + 1]]);
+        let vertices: Vec<Point> = sides.chain([[0.0, 0.0, -0.5], [0.0, 0.0, 0.5]]).collect();
+        let (n, top) = (around as i64, (rings.len() * around) as i64 + 1);
+        let faces = (0..n).flat_map(|i| {
+            let j = (i + 1) % n;
+            let ends = [[j, i, top - 1], [top - 1 - n + i, top - 1 - n + j, top]];
+            let side = (0..rings.len() as i64 - 1).flat_map(move |ring| {
+                let [a, b, c, d] = [
+                    ring * n + i,
+                    ring * n + j,
+                    (ring + 1) * n + j,
+                    (ring + 1) * n + i,
+                ];
+                [[a, b, c], [a, c, d]]
+            });
+            ends.into_iter().chain(side)
+        });
         Mesh::new(&vertices, &faces.collect::<Vec<_>>()).unwrap()
     }
 
     #[test]
-    fn stars_turn_onto_themselves_unless_one_point_is_longer() {
+    fn stars_turn_onto_themselves_unless_two_points_are_longer() {
         for count in [3, 4, 5, 6, 7, 9, 10, 11, 13] {
             let mut points = vec![1.0; count];
             assert!(turns_onto_itself(&star(&points)), "{count} points");
