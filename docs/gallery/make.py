@@ -22,6 +22,7 @@ matplotlib.use("Agg")
 import sgmds  # noqa: E402
 import show  # noqa: E402
 import stage  # noqa: E402
+import steps  # noqa: E402
 from matplotlib import pyplot as plt  # noqa: E402
 from sgmds import characters  # noqa: E402
 from sgmds.characters import Bone  # noqa: E402
@@ -289,22 +290,26 @@ def operators():
     stage.reduce(HERE / "operators.png")
 
 
-PICTURES = {
-    picture.__name__: picture
-    for picture in (
-        poses,
-        builds,
-        animals,
-        resolution,
-        parts,
-        textures,
-        confidence,
-        failures,
-        eigenfunctions,
-        distances,
-        operators,
-    )
-} | show.PICTURES
+PICTURES = (
+    {
+        picture.__name__: picture
+        for picture in (
+            poses,
+            builds,
+            animals,
+            resolution,
+            parts,
+            textures,
+            confidence,
+            failures,
+            eigenfunctions,
+            distances,
+            operators,
+        )
+    }
+    | show.PICTURES
+    | steps.PICTURES
+)
 
 
 def main():
