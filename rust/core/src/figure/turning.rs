@@ -239,10 +239,11 @@ mod tests {
         for count in [3, 4, 5, 6, 7, 9, 10, 11, 13] {
             let mut points = vec![1.0; count];
             assert!(turns_onto_itself(&star(&points)), "{count} points");
-            points[0] = 1.4;
+            // By different lengths: half a turn about one longer point alone would change nothing.
+            points[..2].copy_from_slice(&[1.6, 1.3]);
             assert!(
                 !turns_onto_itself(&star(&points)),
-                "{count} points, one longer"
+                "{count} points, two longer"
             );
         }
     }
