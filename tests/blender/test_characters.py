@@ -686,15 +686,20 @@ def test_textures_are_baked_from_the_piece_that_answers(known):
         np.testing.assert_allclose(pixels[covered], np.tile(colour, (covered.sum(), 1)), atol=0.02)
 
 
+def gather(scene, owner, name):
+    """Move the pieces of a character into a collection of their own."""
+    collection = bpy.data.collections.new(name)
+    scene.collection.children.link(collection)
+    for piece in owner.pieces:
+        scene.collection.objects.unlink(piece)
+        collection.objects.link(piece)
+    bpy.context.view_layer.update()
+
+
 def test_one_rig_is_fitted_for_all_meshes(scene):
     knight = character("Knight")
     mage = character("Mage", moved=True, weights=False, rigged=False)
-    hall = bpy.data.collections.new("Mage")
-    scene.collection.children.link(hall)
-    for piece in mage.pieces:
-        scene.collection.objects.unlink(piece)
-        hall.objects.link(piece)
-    bpy.context.view_layer.update()
+    gather(scene, mage, "Mage")
     store_copy(knight, mage)
     for _ in range(2):
         transfer(knight.body, mage.eye, kinds="groups,armature")
@@ -1088,11 +1093,7 @@ def test_a_character_keeps_its_name_on_the_rig_that_came(scene, owner, made_from
 def test_a_collection_keeps_its_name_on_the_rig_that_came(scene):
     knight = character("Knight")
     mage = character("Mage", rigged=False, weights=False, moved=True)
-    stranger = bpy.data.collections.new("Stranger")
-    scene.collection.children.link(stranger)
-    for obj in mage.pieces:
-        scene.collection.objects.unlink(obj)
-        stranger.objects.link(obj)
+    gather(scene, mage, "Stranger")
     store_copy(knight, mage)
     assert summary([mage.body], 1, False, 3).startswith("Matched 'Stranger' in ")
     transfer(knight.body, mage.body, kinds="groups,armature")
