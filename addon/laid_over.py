@@ -42,8 +42,7 @@ def write(targets: Sequence[bpy.types.Object]) -> None:
     own = [moved(mesh_read.positions(t.data), matrix) for t, matrix in zip(targets, placed, strict=True)]
     images = [moved(read_attribute(t.data.attributes["match_position"]), there) for t in targets]
     found, wanted = np.concatenate(images), np.concatenate(own)
-    fitting = similarity(found, wanted)
-    laid = found - found.mean(axis=0) + wanted.mean(axis=0) if fitting is None else moved(found, fitting)
+    laid = moved(found, similarity(found, wanted))
     low, high = wanted.min(axis=0), wanted.max(axis=0)
     axis = int((high - low).argmax())
     split = np.split(laid, np.cumsum([len(points) for points in own])[:-1])

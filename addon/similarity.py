@@ -14,19 +14,24 @@ def moved(points: Floats, matrix: Floats) -> Floats:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def similarity(points: Floats, aims: Floats) -> Floats | None:
-    """The rotation, scale and shift that bring points (n, 3) nearest to aims (n, 3) by least squares.
+def similarity(
+    points: Floats, aims: Floats, weights: Floats | None = None, mirrored: bool = False
+) -> Floats:
+    """The turn, scale and shift that bring points (n, 3) nearest to aims (n, 3) by least squares.
 
-    None where either are all at one place (Umeyama, IEEE PAMI 13, 1991).
+    The turn is one that mirrors if asked. Points count by weights (n,), alike where these are all zero; a
+    shift alone is left where points or aims are all at one place (Umeyama, IEEE PAMI 13, 1991).
     """
-    from_mean, to_mean = points.mean(axis=0), aims.mean(axis=0)
+    counted = np.ones(len(points)) if weights is None or not weights.any() else weights
+    share = counted / counted.sum()
+    from_mean, to_mean = share @ points, share @ aims
     centred, aimed = points - from_mean, aims - to_mean
-    left, stretch, right = np.linalg.svd(aimed.T @ centred)
-    spread = np.square(centred).sum()
-    if spread == 0.0 or stretch.sum() == 0.0:
-        return None
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(left @ right))])
+    left, stretch, right = np.linalg.svd((aimed * share[:, None]).T @ centred)
+    spread = share @ np.square(centred).sum(axis=1)
     made = np.eye(4)
-    made[:3, :3] = (stretch * signs).sum() / spread * (left * signs) @ right
+    if stretch.sum() > np.finfo(float).eps * spread:
+        side = np.sign(np.linalg.det(left @ right)) * (-1.0 if mirrored else 1.0)
+        signs = np.array([1.0, 1.0, side])
+        made[:3, :3] = (stretch * signs).sum() / spread * (left * signs) @ right
     made[:3, 3] = to_mean - made[:3, :3] @ from_mean
     return made

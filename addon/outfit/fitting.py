@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..job import Job
+from ..similarity import similarity
 from ..typed import Flags, Floats, Integers
 from .reading import Rows
 
@@ -348,7 +349,7 @@ def _put(
             np.add.at(weight[garment.vertices], garment.rows.vertex[moving], garment.rows.weight[moving])
             if garment.bone in below:
                 weight[garment.vertices] = 1.0
-        bone.move[:] = similarity(points, places, weight)
+        bone.move[:] = similarity(points, places, weight)[:3]
 
 
 def _hangs_on(bones: Sequence[Bone], target: BoneName | None, number: int) -> bool:
@@ -358,22 +359,6 @@ def _hangs_on(bones: Sequence[Bone], target: BoneName | None, number: int) -> bo
             return True
         target = bones[target].parent
     return False
-
-
-def similarity(before: Floats, after: Floats, weight: Floats) -> Floats:
-    """Turn, scale and shift (3, 4) that take weighted points nearest to where they went.
-
-    Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
-    """
-    weight = weight / weight.sum() if weight.sum() > 0.0 else np.full(len(before), 1.0 / len(before))
-    middle_1, middle_2 = weight @ before, weight @ after
-    one, other = before - middle_1, after - middle_2
-    u, s, v = np.linalg.svd((other * weight[:, None]).T @ one)
-    signs = np.array([1.0, 1.0, np.sign(np.linalg.det(u @ v)) or 1.0])
-    spread = weight @ (one * one).sum(axis=1)
-    scale = (s * signs).sum() / spread if spread > 0.0 else 1.0
-    turn = scale * (u * signs) @ v
-    return np.column_stack([turn, middle_2 - turn @ middle_1])
 
 
 def _weights(

@@ -50,8 +50,6 @@ def coincidence(route: Route) -> Coincidence | None:
     images = np.einsum("ij,ijc->ic", route.barycentric, route.source_points[route.triangles[route.face]])
     standing = np.array(route.target.matrix_world.inverted_safe() @ route.source.matrix_world)
     for to_target in (standing, _laid(tree, probes, images[::step])):
-        if to_target is None:
-            continue
         reach = _reach(route.target_points, to_target)
         if np.mean(_nearest(tree, moved(probes, np.linalg.inv(to_target)))[2] < reach) >= MOST:
             return _corners(route, tree, images, to_target, reach)
@@ -70,14 +68,12 @@ def _nearest(tree: BVHTree, points: Floats) -> tuple[Floats, Integers, Floats]:
     return places, np.array([index for _, _, index, _ in found]), np.array([away for *_, away in found])
 
 
-def _laid(tree: BVHTree, probes: Floats, images: Floats) -> Floats | None:
+def _laid(tree: BVHTree, probes: Floats, images: Floats) -> Floats:
     """The similarity that lays the source onto the target best, from the map and then by nearest planes.
 
     Chen, Medioni, "Object modelling by registration of multiple range images" (1992), by the nearer half.
     """
     to_source = similarity(probes, images)
-    if to_source is None:
-        return None
     for _ in range(ROUNDS):
         points = moved(probes, to_source)
         found = [tree.find_nearest(point) for point in points.tolist()]

@@ -11,6 +11,7 @@ import bpy
 import numpy as np
 
 from ..mesh_write import image_points
+from ..similarity import similarity
 from ..typed import Flags, Floats, Integers
 from .sides import flip_name
 from .weights import read_weights
@@ -245,12 +246,10 @@ def _whole_body(route: Route) -> WholeBody:
     target = route.target_points @ route.target_stretch
     points = route.source_points @ route.source_stretch
     images = image_points(points, route.triangles, route.face, route.barycentric)
-    middles = images.mean(axis=0), target.mean(axis=0)
-    left, values, right = np.linalg.svd((target - middles[1]).T @ (images - middles[0]))
-    mirrored = np.linalg.det(route.map_as_seen.frames[0][0]) < 0.0
-    side = np.sign([1.0, 1.0, np.linalg.det(left @ right) * (-1.0 if mirrored else 1.0)])
-    spread = max(((images - middles[0]) ** 2).sum(), TINY)
-    return images, target, (left * side) @ right, float((values * side).sum() / spread)
+    mirrored = bool(np.linalg.det(route.map_as_seen.frames[0][0]) < 0.0)
+    turn = similarity(images, target, mirrored=mirrored)[:3, :3]
+    scale = float(np.cbrt(abs(np.linalg.det(turn))))
+    return images, target, turn / scale, scale
 
 
 def _with_body(bones: _Bones, bone: bpy.types.Bone, whole: WholeBody, settled: dict[int, Floats]) -> Placed:

@@ -219,13 +219,26 @@ def test_a_morph_to_a_source_that_is_shown_with_other_vertices_goes_to_it_at_res
 
 
 def test_similarity_is_found_again():
-    """Of points that were turned, scaled and moved; a mirrored body is not mirrored back."""
+    """Of points that were turned, scaled and moved; a mirrored body is mirrored back only if asked.
+
+    What has no weight does not count, and points that all come to one place are moved to it.
+    """
     rng = np.random.default_rng(5)
     points = rng.normal(size=(50, 3)) * (1.0, 2.0, 3.0)
     made = np.array(Matrix.LocRotScale((1.0, 2.0, 3.0), Euler((0.3, 2.0, 1.0)), (0.01,) * 3))
     found = laid_over.similarity(points, points @ made[:3, :3].T + made[:3, 3])
     np.testing.assert_allclose(found, made, atol=1e-7)
-    assert np.linalg.det(laid_over.similarity(points, points * (-1.0, 1.0, 1.0))[:3, :3]) > 0.0
+    over = points * (-1.0, 1.0, 1.0)
+    assert np.linalg.det(laid_over.similarity(points, over)[:3, :3]) > 0.0
+    mirroring = laid_over.similarity(points, over, mirrored=True)
+    np.testing.assert_allclose(mirroring, np.diag((-1.0, 1.0, 1.0, 1.0)), atol=1e-12)
+    aims = points @ made[:3, :3].T + made[:3, 3]
+    aims[0] += 5.0
+    counted = np.arange(len(points)) > 0
+    np.testing.assert_allclose(laid_over.similarity(points, aims, counted.astype(float)), made, atol=1e-7)
+    shifted = laid_over.similarity(points, np.ones((len(points), 3)))
+    np.testing.assert_allclose(shifted[:3, :3], np.eye(3))
+    np.testing.assert_allclose(points.mean(axis=0) + shifted[:3, 3], 1.0)
 
 
 def test_morphed_target_is_not_matched_as_shown(pair, scene):
