@@ -14,9 +14,7 @@ def moved(points: Floats, matrix: Floats) -> Floats:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def similarity(
-    points: Floats, aims: Floats, weights: Floats | None = None, mirrored: bool = False
-) -> Floats:
+def similarity(points: Floats, aims: Floats, weights: Floats | None = None, mirrored: bool = False) -> Floats:
     """The turn, scale and shift that bring points (n, 3) nearest to aims (n, 3) by least squares.
 
     The turn is one that mirrors if asked. Points count by weights (n,), alike where these are all zero; a
