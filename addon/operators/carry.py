@@ -113,6 +113,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
     bl_label = "Transfer"
     bl_options = {"REGISTER", "UNDO"}
 
+    stands_for = bl_idname
     # Nothing may change between its steps.
     blocks = True
     lasting = LASTING

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty
+from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator
 
 from .. import (
@@ -292,8 +292,13 @@ class SPECTRAL_MATCH_OT_dismiss(Step, Operator):
 
     obstacle = staticmethod(nothing)
 
+    step: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def forget(self) -> None:
+        """All but this message stays."""
+
     def act(self, _context: bpy.types.Context) -> Outcome:
-        notice.clear()
+        notice.clear(self.step)
         return {"FINISHED"}
 
 

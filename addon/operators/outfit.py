@@ -6,14 +6,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator
 
-from .. import core, mesh_write, pair
+from .. import core, drawing, mesh_write, pair
 from ..mesh_read import UnusableObjectError
 from ..outfit import fitting, live, reading, wardrobe, writing
 from ..typed import Outcome, Settings
 from . import show
+from .remedies import OnObject
 from .running import JobOperator
 from .step import Step, needs_matched
 
@@ -200,6 +201,33 @@ class SPECTRAL_MATCH_OT_toggle_worn(Step, Operator):
         return {"FINISHED"}
 
 
+class SPECTRAL_MATCH_OT_choose_worn(Step, Operator):
+    """Fit with the outfit, or leave to the character, all that the search finds"""
+
+    bl_idname = "spectral_match.choose_worn"
+    bl_label = "Choose All or None"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    take: BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def act(self, context: bpy.types.Context) -> Outcome:
+        listed = {obj.name: obj for obj in clothes_of(pair.resolve(context)).others}
+        for name in drawing.panel_state().found(listed, "worn_search"):
+            listed[name].spectral_match_worn = wardrobe.WORN if self.take else wardrobe.NOT_WORN
+        return {"FINISHED"}
+
+
+class SPECTRAL_MATCH_OT_hide_worn(OnObject, Operator):
+    """Hide this piece of the target in viewport and render. Nothing is deleted"""
+
+    bl_idname = "spectral_match.hide_worn"
+    bl_label = "Hide What Is in the Way"
+
+    def act_on(self, obj: bpy.types.Object, _context: bpy.types.Context) -> None:
+        obj.hide_set(True)
+        obj.hide_render = True
+
+
 def needs_fitted(context: bpy.types.Context) -> str:
     missing = needs_matched(context)
     if missing or live.kept_on(pair.resolve(context).targets):
@@ -237,4 +265,10 @@ class SPECTRAL_MATCH_OT_closer_look(Step, Operator):
         return {"FINISHED"}
 
 
-CLASSES = (SPECTRAL_MATCH_OT_fit_outfit, SPECTRAL_MATCH_OT_toggle_worn, SPECTRAL_MATCH_OT_closer_look)
+CLASSES = (
+    SPECTRAL_MATCH_OT_fit_outfit,
+    SPECTRAL_MATCH_OT_toggle_worn,
+    SPECTRAL_MATCH_OT_choose_worn,
+    SPECTRAL_MATCH_OT_hide_worn,
+    SPECTRAL_MATCH_OT_closer_look,
+)

@@ -54,18 +54,28 @@ def _size(obj: bpy.types.Object) -> float:
 
 
 def others(body: Character) -> list[bpy.types.Object]:
-    """What may be worn: all meshes of a character beside its body, or all where it has none."""
-    wearing = body_of(body)
-    return [obj for obj in body.whole if obj != wearing or len(body.whole) == 1 or obj in worn(body)]
+    """What may be worn: all meshes of a character beside its body, or all where it has none.
+
+    What lies over others comes first, whatever the boxes say.
+    """
+    wearing, checked, over = body_of(body), worn(body), _over(_seen(body))
+    found = [obj for obj in body.whole if obj != wearing or len(body.whole) == 1 or obj in checked]
+    return sorted(found, key=lambda obj: obj.session_uid not in over)
 
 
 def worn(body: Character) -> list[bpy.types.Object]:
     """What a character wears: as the boxes say, else the larger of its meshes that lie over others."""
     seen = _seen(body)
+    over = _over(seen)
+    return [obj for obj in body.whole if _is_worn(obj, seen, over)]
+
+
+def _over(seen: Sequence[bpy.types.Object]) -> frozenset[int]:
+    """Session ids of the larger meshes that lie over others, as found before."""
     key = tuple(obj.data.session_uid for obj in seen)
     if key not in _found:
         _found[key] = _lying_over(seen)
-    return [obj for obj in body.whole if _is_worn(obj, seen, _found[key])]
+    return _found[key]
 
 
 def _seen(body: Character) -> tuple[bpy.types.Object, ...]:

@@ -2,6 +2,7 @@
 """Fit Outfit on copies of a character made by code, where it is known how the shirt has to sit."""
 
 import json
+from types import SimpleNamespace
 
 import bpy
 import figures
@@ -14,7 +15,7 @@ from mathutils.bvhtree import BVHTree
 from test_panel import drawn
 from test_transfer import store_map, weights_of
 
-from addon import character, command_line, mesh_read, notice, pair, palette, panels
+from addon import character, command_line, mesh_read, notice, outfit_panel, pair, palette
 from addon.mesh_write import HEAT, read_attribute, write_attribute
 from addon.operators import show
 from addon.operators.outfit import clothes_of
@@ -301,14 +302,21 @@ def test_the_panel_says_what_was_fitted_and_what_is_in_the_way(dressed, monkeypa
     bpy.context.view_layer.update()
 
     def words():
-        return {words for words, _ in drawn(panels.VIEW3D_PT_spectral_match_outfit)}
+        return {words for words, _ in drawn(outfit_panel.VIEW3D_PT_spectral_match_outfit)}
 
     assert "Done: 1 garment" not in words()
     fit()
-    in_the_way = "'Target' wears Scarf too. Hide what is in the way"
+    in_the_way = "'Target' wears clothes of its own too. Hide what is in the way:"
     assert {"Done: 1 garment", "Nothing is inside the body", in_the_way} <= words()
-    scarf.hide_set(True)
-    assert in_the_way not in words()
+    bpy.ops.ed.undo_push(message="Fit Outfit")
+    assert bpy.ops.spectral_match.hide_worn(name=scarf.name) == {"FINISHED"}
+    assert not {in_the_way, "spectral_match.hide_worn"} & words()
+    assert scarf.hide_get() and scarf.hide_render
+    bpy.ops.ed.undo_push(message="Hide")
+    bpy.ops.ed.undo()
+    scarf = bpy.data.objects["Scarf"]
+    assert not scarf.hide_get() and not scarf.hide_render
+    assert {in_the_way, "spectral_match.hide_worn"} <= words()
 
 
 def test_hidden_skin_is_masked_and_nothing_is_deleted(dressed):
@@ -418,6 +426,58 @@ def test_the_panel_keeps_what_it_found_until_a_box_is_pressed(dressed, monkeypat
     assert (
         clothes_of(pair.resolve(bpy.context)).worn == wardrobe.worn(wardrobe_of(source)) and len(asked) == 4
     )
+
+
+def test_the_panel_follows_what_is_hidden(dressed, monkeypatch):
+    """A piece that is unticked for the match is worn while it is seen, also in what a window keeps."""
+    source, _ = dressed
+    source.shirt.spectral_match_part = "LEFT_OUT"
+    monkeypatch.setattr(pair, "KEPT_SECONDS", float("inf"))
+    window = SimpleNamespace(
+        app=SimpleNamespace(background=False), types=bpy.types, context=bpy.context, data=bpy.data
+    )
+    monkeypatch.setattr(pair, "bpy", window)
+    collection = bpy.data.collections.new("Clothes")
+    bpy.context.scene.collection.children.link(collection)
+    collection.objects.link(source.shirt)
+    bpy.context.collection.objects.unlink(source.shirt)
+    layer = bpy.context.view_layer.layer_collection.children["Clothes"]
+    bpy.context.view_layer.update()
+
+    def worn():
+        return source.shirt in clothes_of(pair.shown(bpy.context)).worn
+
+    assert worn()
+    for held in (source.shirt, layer, collection):
+        for hidden in (True, False):
+            held.hide_viewport = hidden
+            bpy.context.view_layer.update()
+            assert worn() == (not hidden), held
+    for hidden in (True, False):
+        source.shirt.hide_set(hidden)
+        bpy.context.view_layer.update()
+        assert worn() == (not hidden)
+
+
+def test_the_list_of_clothes_begins_with_what_is_worn(dressed):
+    """It stays as it is when boxes are pressed, and All and None mean what the search finds."""
+    source, _ = dressed
+    panel = bpy.context.window_manager.spectral_match_panel
+
+    def listed():
+        clothes = clothes_of(pair.resolve(bpy.context))
+        return [obj.name for obj in clothes.others], {obj.name for obj in clothes.worn}
+
+    names, worn = listed()
+    assert names[0] == source.shirt.name and worn == {names[0]} and len(names) > 1
+    assert bpy.ops.spectral_match.toggle_worn(garment=names[0]) == {"FINISHED"}
+    assert listed() == (names, set())
+    assert bpy.ops.spectral_match.choose_worn(take=True) == {"FINISHED"}
+    assert listed() == (names, set(names))
+    panel.worn_search = names[-1].upper()
+    assert bpy.ops.spectral_match.choose_worn(take=False) == {"FINISHED"}
+    panel.worn_search = ""
+    assert listed() == (names, set(names[:-1]))
 
 
 def test_what_is_worn_lies_over_what_the_same_bones_move(scene):
