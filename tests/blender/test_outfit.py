@@ -35,10 +35,14 @@ def known_map(source, target, old):
 
 
 @pytest.fixture
-def dressed(scene):
-    """A dressed character and its turned, renumbered copy without the shirt, with other names of bones."""
-    source = figures.character("Source")
-    target = figures.character("Target", moved=True)
+def dressed(scene, request):
+    """A dressed character and its turned, renumbered copy without the shirt, with other names of bones.
+
+    A parameter is how fine their meshes are.
+    """
+    cells = getattr(request, "param", 8)
+    source = figures.character("Source", cells=cells)
+    target = figures.character("Target", moved=True, cells=cells)
     bpy.data.objects.remove(target.shirt)
     for bone, name in (("Low", "Unten"), ("High", "Oben")):
         target.rig.data.bones[bone].name = name
@@ -319,6 +323,7 @@ def test_the_panel_says_what_was_fitted_and_what_is_in_the_way(dressed, monkeypa
     assert {in_the_way, "spectral_match.hide_worn"} <= words()
 
 
+@pytest.mark.parametrize("dressed", [20], indirect=True)
 def test_hidden_skin_is_masked_and_nothing_is_deleted(dressed):
     source, target = dressed
     count = len(target.body.data.vertices)
@@ -328,10 +333,41 @@ def test_hidden_skin_is_masked_and_nothing_is_deleted(dressed):
     (mask,) = [m for m in target.body.modifiers if m.type == "MASK"]
     assert mask.invert_vertex_group and mask.vertex_group == "Hidden by Source"
     hidden = {vertex for vertex, name in weights_of(target.body) if name == mask.vertex_group}
-    heights = figures.meshes()["Body"][0][target.old["Body"], 2]
+    heights = figures.meshes(20)["Body"][0][target.old["Body"], 2]
     assert len(target.body.data.vertices) == count and hidden
     inside = (heights > figures.SHIRT_FROM) & (heights < figures.SHIRT_TO)
     assert inside[list(hidden)].all()
+
+
+@pytest.mark.parametrize("dressed", [20], indirect=True)
+@pytest.mark.parametrize("distance", [0.0, 0.03])
+def test_skin_that_is_seen_stays(dressed, distance):
+    """Into wide openings one sees far, and a face goes as a whole: what is gone is seen from nowhere."""
+    source, target = dressed
+    settings = bpy.context.scene.spectral_match
+    settings.outfit_hide, settings.outfit_distance = True, distance
+    fit()
+    shirt, mesh = copy_of(source.shirt.name), target.body.data
+    group = next(m.vertex_group for m in target.body.modifiers if m.type == "MASK")
+    gone = {vertex for vertex, name in weights_of(target.body) if name == group}
+    skin, cloth = places(target.body), places(shirt)
+    triangles = [mesh_read.triangle_vertices(each) for each in (mesh, shirt.data)]
+    tree = BVHTree.FromPolygons(
+        np.concatenate([skin, cloth]).tolist(),
+        np.concatenate([triangles[0], triangles[1] + len(skin)]).tolist(),
+        all_triangles=True,
+    )
+    sides = np.random.default_rng(3).normal(size=(100, 3))
+    turn = np.array(target.body.matrix_world.to_3x3())
+    faces = [face for face in mesh.polygons if gone.intersection(face.vertices)]
+    assert len(faces) > 20
+    for face in faces:
+        facing = turn @ face.normal
+        start = skin[list(face.vertices)].mean(axis=0) + 0.01 * facing
+        outward = sides[sides @ facing > 0.0]
+        seen = [tree.ray_cast(start.tolist(), side.tolist())[0] is None for side in outward]
+        # Between the sides that were looked from there are others.
+        assert np.mean(seen) < 0.1
 
 
 def test_originals_stay_and_a_second_press_fits_again(dressed):
