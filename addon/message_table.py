@@ -8,6 +8,7 @@ MESSAGES = (
     # Several meshes in one message.
     ("and {} more", "ほか {} 件", "等另外 {} 项"),
     ("{} and {} more", "{} ほか {} 件", "{} 等另外 {} 项"),
+    ("{} (on {} targets)", "{}(転送先 {} 件)", "{}({} 个目标)"),
     ("and {} more mesh", "ほかメッシュ {} 個", "及另外 {} 个网格"),
     ("and {} more meshes", "ほかメッシュ {} 個", "及另外 {} 个网格"),
     # Who is matched with whom.

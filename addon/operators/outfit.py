@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fit Outfit: copies of what one character wears, on the matched targets."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Collection, Generator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -12,6 +12,7 @@ from bpy.types import Operator
 from .. import core, drawing, mesh_write, pair
 from ..mesh_read import UnusableObjectError
 from ..outfit import fitting, live, reading, wardrobe, writing
+from ..transfer import said_of_targets
 from ..typed import Outcome, Settings
 from . import show
 from .remedies import OnObject
@@ -117,19 +118,28 @@ def store_fitted(
     context: bpy.types.Context, job: fitting.OutfitJob, wearer_name: str
 ) -> tuple[list[Made], list[str]]:
     """Write what a finished job fitted; returns pairs of the outfit and its copies, and words on the rest."""
-    made, trouble = (
-        [],
-        [f"The outfit was not fitted to '{name}': {core.explain(why)}" for name, why in job.failures],
-    )
+    made: list[Made] = []
+    told: list[tuple[Collection[str], Sequence[str]]] = [
+        ([name], [f"The outfit was not fitted to '{name}': {core.explain(why)}"])
+        for name, why in job.failures
+    ]
     for fitted in job.results:
+        names = _names_in(fitted.wish)
         try:
             copies, notes = writing.write(context, fitted, wearer_name)
         except UnusableObjectError as reason:
-            trouble.append(str(reason))
-            continue
-        made.append((fitted, copies))
-        trouble += notes
-    return made, trouble + job.notes
+            notes = [str(reason)]
+        else:
+            made.append((fitted, copies))
+            names |= {obj.name for obj in copies}
+        told.append((names, notes))
+    return made, said_of_targets(told) + job.notes
+
+
+def _names_in(wish: reading.Wish) -> set[str]:
+    """Names of a target, of its meshes and its rig."""
+    rig = wish.rigs[1]
+    return {wish.label, *(name for _, name, _ in wish.bodies), *([] if rig is None else [rig.name])}
 
 
 class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
