@@ -83,8 +83,8 @@ class Job:
 
     `stage`, `fraction`, `seconds` and `finished` may be read at any time. While one that `blocks` is at
     it the window does nothing else; what is `lasting` cannot be stopped. `button` is the operator in place of
-    whose button the panel shows how far it is. After the end, when neither `error`
-    nor `cancelled` is set, the results are there; `notes` are warnings in words.
+    whose button the panel shows how far it is. After the end, when neither `error` nor `cancelled` is set,
+    the results are there; `notes` are warnings in words.
     """
 
     stage: str = field(default="Starting", init=False)

@@ -24,7 +24,7 @@ transfer = 0
 
 
 def say(text: str, sign: EnumItem = "ERROR", step: str = "") -> None:
-    """What is said beside the button of a step leaves what is said below the result; that clears all."""
+    """Say it below the result, where nothing said earlier stays, or beside the button of a step."""
     global words, icon, done
     if step not in BESIDE:
         words, icon, done = text, sign, None
