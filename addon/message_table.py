@@ -860,9 +860,9 @@ MESSAGES = (
         "服装未能适配到 '{}':{}",
     ),
     (
-        "'{}' wears clothes of its own too. Hide what is in the way:",
-        "'{}' は自分の服も着ています。邪魔なものを隠してください:",
-        "'{}' 还穿着自己的衣服。请隐藏碍事的部分:",
+        "'{}' wears clothes of its own there. Hide what is in the way:",
+        "'{}' はそこに自分の服を着ています。邪魔なものを隠してください:",
+        "'{}' 在该处穿着自己的衣服。请隐藏碍事的部分:",
     ),
     ("Fitting the outfit", "衣装を合わせています", "正在适配服装"),
     ("nothing is inside the body", "体の内側に入った箇所はありません", "没有穿入身体之处"),

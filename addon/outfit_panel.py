@@ -97,9 +97,9 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         if looked_at:
             draw_words(context, box, "Blue is as far as asked, yellow is inside", boxed=True, dim=True)
         for target in found.targets[:MOST_TARGETS]:
-            own = [obj.name for obj in wardrobe.worn(target) if obj not in copies and obj.visible_get()]
+            own = [obj.name for obj in wardrobe.replaced(target, live.copies_of(live.kept_on([target])))]
             if own:
-                words = f"'{target.name}' wears clothes of its own too. Hide what is in the way:"
+                words = f"'{target.name}' wears clothes of its own there. Hide what is in the way:"
                 draw_words(context, box, words, "INFO", boxed=True, dim=True)
             column = box.column(align=True)
             for name in own[:MOST_NAMES]:

@@ -300,9 +300,14 @@ def test_a_closer_look_tells_what_is_inside(dressed):
 def test_the_panel_says_what_was_fitted_and_what_is_in_the_way(dressed, monkeypatch):
     source, target = dressed
     monkeypatch.setattr("addon.drawing.wrapped", lambda text, _fits: [text])
-    scarf = new_object("Scarf", *figures.meshes()["Shirt"])
+    points, faces = figures.meshes()["Shirt"]
+    scarf = new_object("Scarf", turned(points), faces)
     scarf.parent, scarf.matrix_world = target.rig, target.body.matrix_world
     scarf.spectral_match_part, scarf.spectral_match_worn = "LEFT_OUT", wardrobe.WORN
+    # What is elsewhere is in nobody's way.
+    ring = new_object("Ring", turned(0.3 * points), faces)
+    ring.parent, ring.matrix_world = target.rig, target.body.matrix_world
+    ring.spectral_match_part, ring.spectral_match_worn = "LEFT_OUT", wardrobe.WORN
     bpy.context.view_layer.update()
 
     def words():
@@ -310,8 +315,12 @@ def test_the_panel_says_what_was_fitted_and_what_is_in_the_way(dressed, monkeypa
 
     assert "Done: 1 garment" not in words()
     fit()
-    in_the_way = "'Target' wears clothes of its own too. Hide what is in the way:"
+    in_the_way = "'Target' wears clothes of its own there. Hide what is in the way:"
     assert {"Done: 1 garment", "Nothing is inside the body", in_the_way} <= words()
+    outfits = outfit_panel.VIEW3D_PT_spectral_match_outfit
+    assert [name for name, _ in drawn(outfits)].count("spectral_match.hide_worn") == 1
+    (copies,) = (copies for _, copies in live.kept_on(pair.resolve(bpy.context).targets))
+    assert wardrobe.replaced(character.of(target.body), copies) == [scarf]
     bpy.ops.ed.undo_push(message="Fit Outfit")
     assert bpy.ops.spectral_match.hide_worn(name=scarf.name) == {"FINISHED"}
     assert not {in_the_way, "spectral_match.hide_worn"} & words()
