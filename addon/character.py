@@ -266,6 +266,12 @@ def holders(objects: Iterable[bpy.types.Object]) -> list[bpy.types.Object]:
     return [holder for holder in held if holder.type in {"ARMATURE", "EMPTY"}]
 
 
+def names_in(body: Character) -> frozenset[str]:
+    """Names of a character, of its meshes and of what holds them."""
+    held = {obj.name for obj in (*body.whole, *holders(body.whole))}
+    return frozenset({body.name, body.label, body.owner.name} | held)
+
+
 def owner(obj: bpy.types.Object) -> bpy.types.ID:
     """The armature, empty, collection or object itself that holds together what the object is a piece of."""
     return _owner(obj, _rigs_below())

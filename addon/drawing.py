@@ -10,8 +10,10 @@ from typing import Any
 import blf
 import bpy
 
+from . import job as job_module
 from . import pair
-from .translation import spoken
+from .character import Character
+from .translation import said, spoken
 from .typed import EnumItem, PanelState, Settings
 
 # Pixels at scale 1 that a panel, a box and an icon take from the sidebar's width.
@@ -62,6 +64,28 @@ def draw_words(
         column.label(
             text=line, translate=False, icon=icon if number == 0 else ("BLANK1" if icon != "NONE" else "NONE")
         )
+
+
+def draw_step(row: bpy.types.UILayout, operator: str, **how: Any) -> Any:
+    """The button of a step, whose properties are returned; None while in its place is how far it is."""
+    job = job_module.current
+    if job is None or job.button != operator:
+        # Else Blender lets an operator begin in the viewport, as from a menu.
+        row.operator_context = "INVOKE_DEFAULT"
+        return row.operator(operator, **how)
+    # Where the window waits there is no button to press.
+    way_out = f"  (Esc: {said('Cancel')})" if job.blocks and not job.lasting else ""
+    row.progress(factor=job.fraction, text=job.words + way_out)
+    if not job.blocks:
+        row.operator("spectral_match.cancel", text="", icon="X")
+    return None
+
+
+def icon_of(body: Character) -> EnumItem:
+    """What the outliner shows before that which holds a character together."""
+    if isinstance(body.owner, bpy.types.Collection):
+        return "OUTLINER_COLLECTION"
+    return f"OUTLINER_OB_{body.owner.type}"
 
 
 def draw_option(

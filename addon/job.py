@@ -82,11 +82,13 @@ class Job:
     """Something long. `run` works in the calling thread, `start` in one of its own.
 
     `stage`, `fraction`, `seconds` and `finished` may be read at any time. While one that `blocks` is at
-    it the window does nothing else; what is `lasting` cannot be stopped. After the end, when neither `error`
-    nor `cancelled` is set, the results are there; `notes` are warnings in words.
+    it the window does nothing else; what is `lasting` cannot be stopped. `button` is the operator in place of
+    whose button the panel shows how far it is. After the end, when neither `error` nor `cancelled` is set,
+    the results are there; `notes` are warnings in words.
     """
 
     stage: str = field(default="Starting", init=False)
+    button: str = field(default="", init=False)
     blocks: bool = field(default=False, init=False)
     lasting: bool = field(default=False, init=False)
     fraction: float = field(default=0.0, init=False)

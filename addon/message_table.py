@@ -8,6 +8,7 @@ MESSAGES = (
     # Several meshes in one message.
     ("and {} more", "ほか {} 件", "等另外 {} 项"),
     ("{} and {} more", "{} ほか {} 件", "{} 等另外 {} 项"),
+    ("{} (on {} targets)", "{}(転送先 {} 件)", "{}({} 个目标)"),
     ("and {} more mesh", "ほかメッシュ {} 個", "及另外 {} 个网格"),
     ("and {} more meshes", "ほかメッシュ {} 個", "及另外 {} 个网格"),
     # Who is matched with whom.
@@ -859,9 +860,9 @@ MESSAGES = (
         "服装未能适配到 '{}':{}",
     ),
     (
-        "'{}' wears {} too. Hide what is in the way",
-        "'{}' は {} も着ています。邪魔なものは隠してください",
-        "'{}' 还穿着 {}。请隐藏碍事的部分",
+        "'{}' wears clothes of its own there. Hide what is in the way:",
+        "'{}' はそこに自分の服を着ています。邪魔なものを隠してください:",
+        "'{}' 在该处穿着自己的衣服。请隐藏碍事的部分:",
     ),
     ("Fitting the outfit", "衣装を合わせています", "正在适配服装"),
     ("nothing is inside the body", "体の内側に入った箇所はありません", "没有穿入身体之处"),

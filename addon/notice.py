@@ -10,18 +10,29 @@ from bpy.app.handlers import persistent
 
 from .typed import EnumItem
 
+# Steps of which messages are beside their button, since it is far below the result, where all others are.
+BESIDE = ("spectral_match.fit_outfit",)
 # A failure, warnings or that something was stopped, a line each, and what stands before them.
 words = ""
 icon: EnumItem = "ERROR"
+# The same of those steps, by their names.
+beside: dict[str, tuple[str, EnumItem]] = {}
 # Says what a transfer brought, in the language that the interface has when it is asked; `words` is then what
 # needs a look. And which of the scene's transfers it was.
 done: Callable[[], str] | None = None
 transfer = 0
 
 
-def say(text: str, sign: EnumItem = "ERROR") -> None:
+def say(text: str, sign: EnumItem = "ERROR", step: str = "") -> None:
+    """Say it below the result, where nothing said earlier stays, or beside the button of a step."""
     global words, icon, done
-    words, icon, done = text, sign, None
+    if step not in BESIDE:
+        words, icon, done = text, sign, None
+        beside.clear()
+    elif text:
+        beside[step] = text, sign
+    else:
+        beside.pop(step, None)
 
 
 def finish(context: bpy.types.Context, summary: Callable[[], str], notes: Iterable[str]) -> None:
@@ -32,8 +43,8 @@ def finish(context: bpy.types.Context, summary: Callable[[], str], notes: Iterab
     done, transfer = summary, context.scene.spectral_match.transfers
 
 
-def clear() -> None:
-    say("")
+def clear(step: str = "") -> None:
+    say("", step=step)
 
 
 @persistent

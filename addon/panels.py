@@ -15,7 +15,8 @@ from . import (
     landmarks,
     manual,
     morph,
-    notice,
+    notes_panel,
+    outfit_panel,
     overlay,
     pair,
     palette,
@@ -24,23 +25,20 @@ from . import (
     transfer_panel,
     wording,
 )
-from . import job as job_module
 from .drawing import (
     BIG,
-    CROSS_WIDTH,
     MatchedSubPanel,
     MatchTab,
     SubPanel,
-    draw_arrow,
     draw_option,
+    draw_step,
     draw_words,
     fold,
+    icon_of,
 )
 from .lines import Lines
 from .operators import pick, show
-from .operators.outfit import Clothes, clothes_of
 from .operators.settings import PRESETS, draw_presets, path_menu
-from .outfit import live, wardrobe
 from .transfer import Bodies
 from .translation import OWN_CONTEXT, said
 from .typed import EnumItem, Settings, StoredMatch
@@ -49,10 +47,10 @@ if TYPE_CHECKING:
     from .character import Character
 
 GRADE_ICONS: dict[str, EnumItem] = {"green": "CHECKMARK", "amber": "ERROR", "red": "CANCEL"}
-# The buttons of the two steps, and whether the window waits for what they do.
-BUTTONS: tuple[tuple[str, EnumItem, bool], ...] = (
-    ("spectral_match.match", "MOD_DATA_TRANSFER", False),
-    ("spectral_match.transfer", "IMPORT", True),
+# The buttons of the two steps.
+BUTTONS: tuple[tuple[str, EnumItem], ...] = (
+    ("spectral_match.match", "MOD_DATA_TRANSFER"),
+    ("spectral_match.transfer", "IMPORT"),
 )
 SWAPPED = "Left and right are swapped, as you asked"
 # What to do about it, by grade.
@@ -90,13 +88,6 @@ def has_several(body: Character) -> bool:
     """Whether what a chosen body belongs to has several meshes, also where it stands by itself."""
     whole = character.of(body.lead) or body
     return max(len(body.whole), len(whole.whole)) > 1
-
-
-def icon_of(body: Character) -> EnumItem:
-    """What the outliner shows before that which holds a character together."""
-    if isinstance(body.owner, bpy.types.Collection):
-        return "OUTLINER_COLLECTION"
-    return f"OUTLINER_OB_{body.owner.type}"
 
 
 def draw_name(row: bpy.types.UILayout, body: Character) -> None:
@@ -140,14 +131,11 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
         found = pair.shown(context)
         self._draw_pair(layout, settings, found)
         # Both above all whose height changes, so that they stay under the pointer.
-        job, buttons = job_module.current, layout.column()
-        for operator, icon, blocks in BUTTONS:
+        buttons = layout.column()
+        for operator, icon in BUTTONS:
             row = buttons.row(align=True)
             row.scale_y = BIG
-            if job is not None and job.blocks == blocks:
-                self._draw_progress(row, job)
-            else:
-                row.operator(operator, icon=icon)
+            draw_step(row, operator, icon=icon)
         self._draw_landmarks(layout, settings, found)
         if found.missing:
             box = layout.box()
@@ -206,36 +194,6 @@ class VIEW3D_PT_spectral_match(MatchTab, Panel):
             hint.active = False
             words = said("With 1 landmark") if count == 1 else said("With {} landmarks", count)
             hint.label(text=words, icon="EMPTY_AXIS")
-
-    @staticmethod
-    def _draw_progress(row: bpy.types.UILayout, job: job_module.Job) -> None:
-        # Where the window waits there is no button to press.
-        way_out = f"  (Esc: {said('Cancel')})" if job.blocks and not job.lasting else ""
-        row.progress(factor=job.fraction, text=job.words + way_out)
-        if not job.blocks:
-            row.operator("spectral_match.cancel", text="", icon="X")
-
-
-class VIEW3D_PT_spectral_match_message(SubPanel, Panel):
-    """What the last step said, below the result, which stays where it is when that comes and goes."""
-
-    bl_label = "Notes"
-    bl_options = {"HIDE_HEADER"}
-    bl_order = 1
-
-    @classmethod
-    def poll(cls, _context: bpy.types.Context) -> bool:
-        # What a transfer brought its own panel says.
-        return bool(notice.words) and notice.done is None
-
-    def draw(self, context: bpy.types.Context) -> None:
-        box = self.layout.box()
-        row = box.row()
-        words = row.column()
-        for line in notice.words.splitlines():
-            draw_words(context, words, line, notice.icon, boxed=True, beside=CROSS_WIDTH)
-        row.operator("spectral_match.dismiss", text="", icon="X", emboss=False)
-        remedy.draw(box, notice.words)
 
 
 class PiecesList(Lines):
@@ -370,7 +328,10 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         row = layout.row(align=True)
         row.operator("spectral_match.alternative", text="", icon="TRIA_LEFT").step = -1
         word = said("Map {} of {}", stored.alternative + 1, stored.alternatives)
-        row.operator("spectral_match.alternative", text=word).step = 1
+        # The arrows stay, that a second press is no other button's.
+        alternative = draw_step(row.row(align=True), "spectral_match.alternative", text=word)
+        if alternative is not None:
+            alternative.step = 1
         row.operator("spectral_match.alternative", text="", icon="TRIA_RIGHT").step = 1
 
     @staticmethod
@@ -494,17 +455,18 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         stored = pair.matched(context)[0].lead.data.spectral_match
         advice = SWAP_BACK if stored.swapped_sides else ADVICE.get(stored.grade, ADVICE["amber"])
         draw_words(context, layout, advice, "INFO")
-        column = layout.column(align=True)
-        column.operator("spectral_match.swap_sides", icon="MOD_MIRROR", depress=stored.swapped_sides)
+        row = layout.row(align=True)
+        draw_step(row, "spectral_match.swap_sides", icon="MOD_MIRROR", depress=stored.swapped_sides)
         part = layout.column()
         part.use_property_split = True
         part.use_property_decorate = False
         part.prop(settings, "part")
         self._draw_landmarks(context, layout, settings)
-        row = layout.row()
+        row = layout.row(align=True)
         row.scale_y = BIG
-        again = row.operator("spectral_match.match", text="Match Again", icon="FILE_REFRESH")
-        again.swap_sides = stored.swapped_sides
+        again = draw_step(row, "spectral_match.match", text="Match Again", icon="FILE_REFRESH")
+        if again is not None:
+            again.swap_sides = stored.swapped_sides
 
     @staticmethod
     def _draw_landmarks(context: bpy.types.Context, layout: bpy.types.UILayout, settings: Settings) -> None:
@@ -533,86 +495,6 @@ class VIEW3D_PT_spectral_match_fix(MatchedSubPanel, Panel):
         go.operator("spectral_match.go_to_landmark", text="Target", icon="VIEWZOOM").end = "TARGET"
 
 
-class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
-    bl_label = "Fit Outfit"
-    bl_translation_context = OWN_CONTEXT
-    bl_order = 4
-    bl_options = {"DEFAULT_CLOSED"}
-
-    def draw(self, context: bpy.types.Context) -> None:
-        layout, settings = self.layout, context.scene.spectral_match
-        found = pair.shown(context)
-        if found.source is None:
-            draw_words(context, layout, found.missing, "INFO")
-            return
-        clothes = clothes_of(found)
-        if len(clothes.wearer.whole) == 1 and not clothes.worn:
-            words = "The source wears no objects of their own. Check it if it is an outfit without a body"
-            draw_words(context, layout, words, "INFO")
-        self._draw_worn(layout, clothes)
-        column = layout.column()
-        column.use_property_split = True
-        column.use_property_decorate = False
-        column.prop(settings, "outfit_distance")
-        column.prop(settings, "outfit_tightness", slider=True)
-        keyed = any(piece.data.shape_keys for target in found.targets for piece in target.whole)
-        draw_option(column, settings, "outfit_body_keys", works=keyed)
-        draw_option(column, settings, "outfit_hide")
-        row = layout.row()
-        row.scale_y = BIG
-        row.operator("spectral_match.fit_outfit", icon="MOD_CLOTH")
-        kept = live.kept_on(found.targets) if settings.outfit_inside else []
-        if kept:
-            self._draw_fitted(context, layout.box().column(), settings, found, kept)
-
-    @staticmethod
-    def _draw_fitted(
-        context: bpy.types.Context,
-        box: bpy.types.UILayout,
-        settings: Settings,
-        found: pair.Pair,
-        kept: live.Kept,
-    ) -> None:
-        copies = live.copies_of(kept)
-        what = said("1 garment") if len(copies) == 1 else said("{} garments", len(copies))
-        draw_words(context, box, said("Done: {}", what), "CHECKMARK", boxed=True)
-        words = settings.outfit_inside
-        icon: EnumItem = "INFO" if words == live.NOTHING_INSIDE else "ERROR"
-        draw_words(context, box, words[:1].upper() + words[1:], icon, boxed=True)
-        looked_at = live.looked_at(kept)
-        box.operator("spectral_match.closer_look", icon="VIEWZOOM", depress=looked_at)
-        if looked_at:
-            draw_words(context, box, "Blue is as far as asked, yellow is inside", boxed=True, dim=True)
-        for target in found.targets[:MOST_BOXES]:
-            own = [obj.name for obj in wardrobe.worn(target) if obj not in copies and obj.visible_get()]
-            if own:
-                words = f"'{target.name}' wears {', '.join(own[:MOST_NAMES])} too. Hide what is in the way"
-                draw_words(context, box, words, "INFO", boxed=True, dim=True)
-
-    @staticmethod
-    def _draw_worn(layout: bpy.types.UILayout, clothes: Clothes) -> None:
-        box = layout.box().column(align=True)
-        row = box.row()
-        is_open = draw_arrow(row, "open_outfit")
-        row.label(text=clothes.wearer.name, icon=icon_of(clothes.wearer), translate=False)
-        count = row.row()
-        count.alignment = "RIGHT"
-        count.active = False
-        count.label(text=f"{len(clothes.worn)} / {len(clothes.others)}")
-        for obj in clothes.others if is_open else ():
-            line = box.row()
-            line.alignment = "LEFT"
-            line.label(text="", icon="BLANK1")
-            button = line.operator(
-                "spectral_match.toggle_worn",
-                text=obj.name,
-                icon="CHECKBOX_HLT" if obj in clothes.worn else "CHECKBOX_DEHLT",
-                emboss=False,
-                translate=False,
-            )
-            button.garment = obj.name
-
-
 class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
     bl_label = "Batch"
     bl_translation_context = OWN_CONTEXT
@@ -627,13 +509,13 @@ class VIEW3D_PT_spectral_match_batch(SubPanel, Panel):
         else:
             words = said("Select several targets to match and transfer to all of them at once")
         draw_words(context, layout, words)
-        layout.operator("spectral_match.batch", icon="DUPLICATE")
+        draw_step(layout.row(align=True), "spectral_match.batch", icon="DUPLICATE")
         source = pair.shown(context).source
         if source is not None and count and not pair.matched(context):
             # After a match the panel Transfer shows it.
             draw_presets(layout)
             targets = [piece for target in pair.shown(context).targets for piece in target.pieces]
-            transfer_panel.draw_kinds(layout, context.scene.spectral_match, Bodies(source.pieces, targets))
+            transfer_panel.draw_kinds(context, layout, Bodies(source.pieces, targets))
 
 
 CLASSES = (
@@ -645,9 +527,9 @@ CLASSES = (
     VIEW3D_PT_spectral_match_pieces,
     VIEW3D_PT_spectral_match_options,
     VIEW3D_PT_spectral_match_result,
-    VIEW3D_PT_spectral_match_message,
+    *notes_panel.CLASSES,
     VIEW3D_PT_spectral_match_fix,
     *transfer_panel.CLASSES,
-    VIEW3D_PT_spectral_match_outfit,
+    *outfit_panel.CLASSES,
     VIEW3D_PT_spectral_match_batch,
 )

@@ -95,14 +95,17 @@ class SPECTRAL_MATCH_PG_panel(TransferFolds, PropertyGroup):
     item_search: StringProperty(
         name="Search", description="List only names with these letters", options={"TEXTEDIT_UPDATE"}
     )
+    worn_search: StringProperty(
+        name="Search", description="List only names with these letters", options={"TEXTEDIT_UPDATE"}
+    )
     open_details: BoolProperty(name="Details", description="Show what the matcher measured")
     open_notes: BoolProperty(name="Notes", description="Show what needs a look")
     open_lacking: BoolProperty(name="Lacking", description="Show what the source does not have")
     open_outfit: BoolProperty(name="Show", default=True, description="List what the source wears")
 
-    def found(self, names: Iterable[str]) -> list[str]:
+    def found(self, names: Iterable[str], search: str = "item_search") -> list[str]:
         """Those of these names in which the letters searched for are."""
-        letters = self.item_search.lower()
+        letters = getattr(self, search).lower()
         return [name for name in names if letters in name.lower()]
 
 

@@ -90,6 +90,9 @@ def remedies(words: str) -> tuple[tuple[Remedy, str], ...]:
 def draw(layout: bpy.types.UILayout, words: str) -> None:
     """A button for each remedy for these words."""
     found = remedies(words)
+    if not found:
+        # An empty column would be seen as a gap.
+        return
     column = layout.column(align=True)
     for remedy, name in found:
         button = column.operator(remedy.operator, text=remedy.label, icon=remedy.icon)

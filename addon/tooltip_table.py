@@ -213,6 +213,16 @@ TOOLTIPS = (
     ),
     ("Carry this over, or leave it behind", "これを転送するか、残します", "传递此项,或不传递"),
     (
+        "Fit with the outfit, or leave to the character, all that the search finds",
+        "検索に合うものをすべて衣装に含めるか、キャラクターに残します",
+        "将搜索到的全部项归入服装,或留给角色",
+    ),
+    (
+        "Hide this piece of the target in viewport and render. Nothing is deleted",
+        "転送先のこの部分をビューポートとレンダーで隠します。何も削除されません",
+        "在视图和渲染中隐藏目标的这一部分。不会删除任何内容",
+    ),
+    (
         "Carry over, or leave behind, all that the search finds",
         "検索に合うものをすべて転送するか、残します",
         "传递或不传递搜索到的全部项",

@@ -31,7 +31,7 @@ def never(_kind, _context):
 
 def show_only(*names):
     """Let the tab have these panels alone, opened."""
-    panels = [addon("panels"), addon("transfer_panel")]
+    panels = [addon(name) for name in ("panels", "transfer_panel", "outfit_panel")]
     for name in PANELS:
         kind = next(
             getattr(module, found)

@@ -186,3 +186,15 @@ def open_panel(after, reveals, share=0.5, *, distances=HEADERS):
         if (yield from find(reveals, share, below=start)) is not None:
             return
     raise AssertionError(f"no panel with {reveals} after {after}")
+
+
+def close_panel(first):
+    """`yield from`: fold the panel whose uppermost button is `first`."""
+    start = yield from find(first)
+    assert start is not None, f"no button for {first}"
+    for distance in HEADERS:
+        click(*point("UI", 70, start - distance))
+        yield from redrawn()
+        if first not in (yield from _command_at(0.5, start)):
+            return
+    raise AssertionError(f"no panel with {first}")

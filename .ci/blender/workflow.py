@@ -349,6 +349,7 @@ def steps():
     yield from window.press("spectral_match.remove_landmark", 0.9)
     settings = bpy.context.scene.spectral_match
     yield from window.until(lambda: len(settings.landmarks) == 1, "the removal")
+    yield from window.close_panel("spectral_match.swap_sides")
     yield from lists()
     place = yield from window.find("spectral_match.transfer()")
     yield from window.press("spectral_match.transfer()")

@@ -22,6 +22,7 @@ from ..transfer import (
     checked,
     has_effect,
     names_of,
+    said_of_targets,
 )
 from ..translation import said
 from ..typed import Chosen, Options, Outcome, Settings
@@ -113,6 +114,7 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
     bl_label = "Transfer"
     bl_options = {"REGISTER", "UNDO"}
 
+    stands_for = bl_idname
     # Nothing may change between its steps.
     blocks = True
     lasting = LASTING
@@ -138,21 +140,23 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
             self._keep(settings)
         options = GivenOptions(self, settings)
         chosen = self._choice(options)
-        self._brought, self._done, refused = Carried(), [], []
+        self._brought, self._done, told = Carried(), [], []
         for number, target in enumerate(found.targets):
-            pieces = pair.matched_of(target) or target.pieces
+            pieces, names = pair.matched_of(target) or target.pieces, character.names_in(target)
             try:
                 self._check_items(pieces)
                 going = carry(context, found.source, pieces, options, chosen)
                 brought = yield from _of_many(going, number, len(found.targets))
             except (UnusableObjectError, core.CoreMissingError) as reason:
-                refused.append(str(reason))
+                told.append((names, [str(reason)]))
             else:
                 self._brought.add(brought)
                 self._done.append(pieces)
+                told.append((names, brought.notes))
+        notes = said_of_targets(told)
         if not self._done:
-            raise UnusableObjectError("\n".join(refused))
-        self._brought.notes += refused
+            raise UnusableObjectError("\n".join(notes))
+        self._brought.notes = notes
         return TransferJob()
 
     def conclude(self, context: bpy.types.Context, job: Job) -> Outcome:

@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import BoolProperty
+from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator
 
 from .. import (
@@ -29,7 +29,7 @@ from .. import job as job_module
 from ..character import Character
 from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, value_of
-from ..transfer import Carried, checked
+from ..transfer import Carried, checked, said_of_targets
 from ..typed import Outcome
 from . import show
 from .carry import carry, done_words
@@ -180,14 +180,18 @@ class MatchOperator(JobOperator):
         together = stored_match.matched_together(stored)
         brought, many = Carried(), []
         if self.then_transfer:
-            settings = context.scene.spectral_match
+            settings, told = context.scene.spectral_match, []
             for pieces in together:
+                names = character.names_in(character.of(pieces[0]) or character.alone(pieces[0]))
                 try:
-                    brought.add(value_of(carry(context, None, pieces, settings, checked(settings))))
-                    many.append(len(pieces))
+                    given = value_of(carry(context, None, pieces, settings, checked(settings)))
                 except (UnusableObjectError, core.CoreMissingError) as reason:
-                    trouble.append(str(reason))
-            trouble += brought.notes
+                    told.append((names, [str(reason)]))
+                else:
+                    brought.add(given)
+                    many.append(len(pieces))
+                    told.append((names, given.notes))
+            trouble += said_of_targets(told)
         if not stored:
             return self.fail("\n".join(trouble))
         if brought.names:
@@ -292,8 +296,13 @@ class SPECTRAL_MATCH_OT_dismiss(Step, Operator):
 
     obstacle = staticmethod(nothing)
 
+    step: StringProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def forget(self) -> None:
+        """All but this message stays."""
+
     def act(self, _context: bpy.types.Context) -> Outcome:
-        notice.clear()
+        notice.clear(self.step)
         return {"FINISHED"}
 
 

@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Fit Outfit: copies of what one character wears, on the matched targets."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Collection, Generator, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import bpy
-from bpy.props import StringProperty
+from bpy.props import BoolProperty, StringProperty
 from bpy.types import Operator
 
-from .. import core, mesh_write, pair
+from .. import core, drawing, mesh_write, pair
 from ..mesh_read import UnusableObjectError
 from ..outfit import fitting, live, reading, wardrobe, writing
+from ..transfer import said_of_targets
 from ..typed import Outcome, Settings
 from . import show
+from .remedies import OnObject
 from .running import JobOperator
 from .step import Step, needs_matched
 
@@ -116,19 +118,28 @@ def store_fitted(
     context: bpy.types.Context, job: fitting.OutfitJob, wearer_name: str
 ) -> tuple[list[Made], list[str]]:
     """Write what a finished job fitted; returns pairs of the outfit and its copies, and words on the rest."""
-    made, trouble = (
-        [],
-        [f"The outfit was not fitted to '{name}': {core.explain(why)}" for name, why in job.failures],
-    )
+    made: list[Made] = []
+    told: list[tuple[Collection[str], Sequence[str]]] = [
+        ([name], [f"The outfit was not fitted to '{name}': {core.explain(why)}"])
+        for name, why in job.failures
+    ]
     for fitted in job.results:
+        names = _names_in(fitted.wish)
         try:
             copies, notes = writing.write(context, fitted, wearer_name)
         except UnusableObjectError as reason:
-            trouble.append(str(reason))
-            continue
-        made.append((fitted, copies))
-        trouble += notes
-    return made, trouble + job.notes
+            notes = [str(reason)]
+        else:
+            made.append((fitted, copies))
+            names |= {obj.name for obj in copies}
+        told.append((names, notes))
+    return made, said_of_targets(told) + job.notes
+
+
+def _names_in(wish: reading.Wish) -> set[str]:
+    """Names of a target, of its meshes and its rig."""
+    rig = wish.rigs[1]
+    return {wish.label, *(name for _, name, _ in wish.bodies), *([] if rig is None else [rig.name])}
 
 
 class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
@@ -200,6 +211,33 @@ class SPECTRAL_MATCH_OT_toggle_worn(Step, Operator):
         return {"FINISHED"}
 
 
+class SPECTRAL_MATCH_OT_choose_worn(Step, Operator):
+    """Fit with the outfit, or leave to the character, all that the search finds"""
+
+    bl_idname = "spectral_match.choose_worn"
+    bl_label = "Choose All or None"
+    bl_options = {"UNDO", "INTERNAL"}
+
+    take: BoolProperty(options={"SKIP_SAVE", "HIDDEN"})
+
+    def act(self, context: bpy.types.Context) -> Outcome:
+        listed = {obj.name: obj for obj in clothes_of(pair.resolve(context)).others}
+        for name in drawing.panel_state().found(listed, "worn_search"):
+            listed[name].spectral_match_worn = wardrobe.WORN if self.take else wardrobe.NOT_WORN
+        return {"FINISHED"}
+
+
+class SPECTRAL_MATCH_OT_hide_worn(OnObject, Operator):
+    """Hide this piece of the target in viewport and render. Nothing is deleted"""
+
+    bl_idname = "spectral_match.hide_worn"
+    bl_label = "Hide What Is in the Way"
+
+    def act_on(self, obj: bpy.types.Object, _context: bpy.types.Context) -> None:
+        obj.hide_set(True)
+        obj.hide_render = True
+
+
 def needs_fitted(context: bpy.types.Context) -> str:
     missing = needs_matched(context)
     if missing or live.kept_on(pair.resolve(context).targets):
@@ -237,4 +275,10 @@ class SPECTRAL_MATCH_OT_closer_look(Step, Operator):
         return {"FINISHED"}
 
 
-CLASSES = (SPECTRAL_MATCH_OT_fit_outfit, SPECTRAL_MATCH_OT_toggle_worn, SPECTRAL_MATCH_OT_closer_look)
+CLASSES = (
+    SPECTRAL_MATCH_OT_fit_outfit,
+    SPECTRAL_MATCH_OT_toggle_worn,
+    SPECTRAL_MATCH_OT_choose_worn,
+    SPECTRAL_MATCH_OT_hide_worn,
+    SPECTRAL_MATCH_OT_closer_look,
+)

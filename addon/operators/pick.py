@@ -157,6 +157,7 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
             return {"PASS_THROUGH"}
         if event.type == "LEFTMOUSE" and region is not None:
             if event.value == "PRESS":
+                self.forget()
                 self.attempt(self._click, context, found, region, event)
             return {"RUNNING_MODAL"}
         if event.type == "MOUSEMOVE":

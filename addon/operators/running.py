@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Generator, Sequence
+from collections.abc import Generator, Sequence
 from typing import Any
 
 import bpy
@@ -15,7 +15,7 @@ from ..job import Job
 from ..mesh_read import value_of
 from ..translation import said
 from ..typed import Outcome
-from .step import Result, Step, going_on
+from .step import Step, going_on
 
 # Reads in short steps: how far it is and what it does, or None; its value is the job.
 Beginning = Generator[tuple[float, str] | None, None, Job]
@@ -44,8 +44,12 @@ class JobOperator(Step):
     `begin` is a generator that reads in short steps and returns the job; it may yield how far it is and
     what it does. `conclude` writes what was found. While one that `blocks` is at it, the window shows how
     far it is and takes nothing but Esc, and that not in the `lasting` stages, in which it writes.
+
+    Progress is shown in place of the button that was pressed in the sidebar; where none was, as from a menu,
+    in place of that of the step `stands_for`.
     """
 
+    stands_for = "spectral_match.match"
     blocks = False
     lasting: Sequence[str] = ()
 
@@ -55,10 +59,9 @@ class JobOperator(Step):
     def conclude(self, context: bpy.types.Context, job: Job) -> Outcome:
         raise NotImplementedError
 
-    def attempt(self, work: Callable[..., Result], *arguments: Any) -> Result | Outcome:
-        """As any step does, with what came by an earlier one no longer said."""
-        notice.clear()
-        return super().attempt(work, *arguments)
+    def forget(self) -> None:
+        """As with any step, but what a transfer brought is no longer said."""
+        notice.clear(self.said_at)
 
     def act(self, context: bpy.types.Context) -> Outcome:
         job = value_of(self.begin(context))
@@ -67,12 +70,14 @@ class JobOperator(Step):
 
     def invoke(self, context: bpy.types.Context, _event: bpy.types.Event) -> Outcome:
         self.pressed = True
+        in_sidebar = context.region is not None and context.region.type == "UI"
+        self._button = type(self).bl_idname if in_sidebar else self.stands_for
+        self.said_at = self._button
         # Timers stand still in background mode, and there is no window to keep alive.
         if bpy.app.background:
             return self.execute(context)
         self._beginning: Beginning | None = self.begin(context)
-        self._job = job_module.current = Job()
-        self._job.blocks = self.blocks
+        self._take_up(Job())
         self._job.stage = "Reading the meshes"
         manager = context.window_manager
         pause = BLOCKING_SECONDS if self.blocks else POLL_SECONDS
@@ -110,7 +115,14 @@ class JobOperator(Step):
             self._show_progress(context)
             return {"PASS_THROUGH"}
         self._stop_watching(context)
+        # Not earlier: while it runs the panel stays as high as it was.
+        self.forget()
         return self.attempt(self._end, context, self._job)
+
+    def _take_up(self, job: Job) -> None:
+        """Let the panel show how far this job is."""
+        job.blocks, job.button = self.blocks, self._button
+        self._job = job_module.current = job
 
     def cancel(self, context: bpy.types.Context) -> None:
         """Blender ends the operator, for example because another file is opened."""
@@ -138,7 +150,7 @@ class JobOperator(Step):
             if self._job.cancelling:
                 end.value.cancel()
             self._beginning = None
-            self._job = job_module.current = end.value
+            self._take_up(end.value)
             self._job.start()
         return {"RUNNING_MODAL"}
 

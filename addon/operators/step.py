@@ -57,6 +57,8 @@ class Step:
     obstacle = staticmethod(nothing)
     # Whether somebody pressed it, rather than a script.
     pressed = False
+    # The step in whose place what is said is, where it has one.
+    said_at = ""
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -70,15 +72,19 @@ class Step:
         return self.execute(context)
 
     def execute(self, context: bpy.types.Context) -> Outcome:
+        self.forget()
         return self.attempt(self.act, context)
 
-    def attempt(self, work: Callable[..., Result], *arguments: Any) -> Result | Outcome:
-        """Do the work; its failure becomes words, and the words of an earlier one go.
+    def forget(self) -> None:
+        """The words of an earlier step go.
 
         What a transfer brought is said on, while it is looked at, compared and undone.
         """
         if notice.done is None:
             notice.clear()
+
+    def attempt(self, work: Callable[..., Result], *arguments: Any) -> Result | Outcome:
+        """Do the work; its failure becomes words."""
         try:
             return work(*arguments)
         except (UnusableObjectError, core.CoreMissingError) as reason:
@@ -91,18 +97,18 @@ class Step:
     def stopped(self, words: str) -> Outcome:
         """Say that the artist stopped it, where it was pressed too: the status bar forgets soon."""
         self.tell({"INFO"}, words)
-        notice.say(words, "INFO")
+        notice.say(words, "INFO", self.said_at)
         return {"CANCELLED"}
 
     def fail(self, words: str) -> Outcome:
         # An error opens a pop-up, which the panel beside it would repeat.
         once = self.pressed and drawing.is_open(bpy.context)
         self.tell({"WARNING"} if once else {"ERROR"}, words)
-        notice.say(words)
+        notice.say(words, step=self.said_at)
         return {"CANCELLED"}
 
     def warn(self, messages: Sequence[str]) -> None:
         """Say what needs attention though the step succeeded."""
         for words in messages:
             self.tell({"WARNING"}, words)
-        notice.say("\n".join(messages))
+        notice.say("\n".join(messages), step=self.said_at)

@@ -9,6 +9,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from mathutils.bvhtree import BVHTree
 
 from ..job import Job
 from ..similarity import similarity
@@ -29,6 +30,9 @@ COVERED = 0.05
 # Skin under cloth counts as hidden up to this distance, and from this distance from skin that shows, in
 # heights of a person: 7 cm and 2 cm.
 REACH, MARGIN = 0.04, 0.012
+# And where it is seen from none of so many sides, those around it: into a wide cuff one sees as far as it is
+# wide. What sees out begins so far above the skin, in heights: a millimetre of a person.
+SIDES, ABOVE = 64, 0.0006
 # What is deeper than this in the target is counted as inside, in heights: a millimetre of a person.
 INSIDE = 0.0006
 # Rounds in which displacements of a body's key are averaged along the garment, which bridges what lies over
@@ -141,8 +145,46 @@ def fit(
     hidden = None
     if options.hide:
         hidden = fitting.hidden(places, REACH * wish.height, MARGIN * wish.height)
+        hidden = _closed_in(hidden, wish, places, triangles)
     inside = count_inside(fitting, wish, places)
     return Fitted(wish, fitting, places, worn, bones, inside, hidden, partners)
+
+
+def _closed_in(hidden: Flags, wish: Wish, places: Floats, triangles: Integers) -> Flags:
+    """Those hidden vertices of the target from which no straight way leads out past cloth and skin."""
+    skin, own = wish.target
+    around = np.concatenate([skin, places])
+    tree = BVHTree.FromPolygons(
+        around.tolist(), np.concatenate([own, triangles + len(skin)]).tolist(), all_triangles=True
+    )
+    normals = _normals(skin, own)
+    starts = skin + ABOVE * wish.height * normals
+    sides = _sides()
+    found = hidden.copy()
+    for vertex in np.flatnonzero(hidden):
+        start = starts[vertex].tolist()
+        outward = sides[sides @ normals[vertex] > 0.0].tolist()
+        found[vertex] = all(tree.ray_cast(start, side)[0] is not None for side in outward)
+    return found
+
+
+def _normals(points: Floats, triangles: Integers) -> Floats:
+    """Unit normals of vertices, of each the mean over its triangles' areas."""
+    a, b, c = (points[triangles[:, k]] for k in range(3))
+    facing = np.cross(b - a, c - a)
+    normals = np.zeros_like(points)
+    for k in range(3):
+        np.add.at(normals, triangles[:, k], facing)
+    lengths = np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals / np.where(lengths > 0.0, lengths, 1.0)
+
+
+def _sides() -> Floats:
+    """Directions spread evenly over a sphere, along a spiral."""
+    number = np.arange(SIDES) + 0.5
+    height, angle = 1.0 - 2.0 * number / SIDES, np.pi * (1.0 + np.sqrt(5.0)) * number
+    across = np.sqrt(1.0 - height**2)
+    return np.stack([across * np.cos(angle), across * np.sin(angle), height], axis=1)
 
 
 def _guided(sgmds: ModuleType, wish: Wish, along: SurfaceMap) -> SurfaceMap:

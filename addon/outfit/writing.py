@@ -19,7 +19,7 @@ from ..transfer.listed import listed
 from ..transfer.redirect import point, point_drivers
 from ..transfer.shape_keys import LOWEST, read_key
 from ..transfer.weights import write_weights
-from ..typed import Exchanged, Floats
+from ..typed import Exchanged, Flags, Floats
 from . import bones as bones_module
 from . import live
 
@@ -257,12 +257,26 @@ def _follow_body(own: bpy.types.Object, worn: Worn, bodies: Sequence[bpy.types.O
         seen.id_type, seen.id, seen.data_path = "KEY", model.id_data, path
 
 
+def _with_all_around(mesh: bpy.types.Mesh, hidden: Flags) -> Flags:
+    """Hidden vertices whose faces have hidden ones alone: a Mask modifier leaves out whole faces."""
+    if not len(mesh.polygons):
+        return hidden
+    corners = mesh_read.corner_vertices(mesh)
+    starts, counts = np.empty((2, len(mesh.polygons)), np.int32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    mesh.polygons.foreach_get("loop_total", counts)
+    shown = np.repeat(~np.logical_and.reduceat(hidden[corners], starts), counts)
+    found = hidden.copy()
+    found[corners[shown]] = False
+    return found
+
+
 def _hide(fitted: Fitted, wearer_name: str, bodies: Sequence[bpy.types.Object]) -> list[str]:
     """A group of what nobody sees of each body, and a Mask modifier that leaves it out."""
     name, notes = f"Hidden by {wearer_name}", []
     assert fitted.hidden is not None
     for obj, (_, _, own) in zip(bodies, fitted.wish.bodies, strict=True):
-        here = np.flatnonzero(fitted.hidden[own])
+        here = np.flatnonzero(_with_all_around(obj.data, fitted.hidden[own]))
         group = obj.vertex_groups.get(name)
         if not len(here) and group is None:
             continue

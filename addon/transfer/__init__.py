@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Generator, Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Generator, Iterable, Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from typing import Any
@@ -14,7 +15,7 @@ from bpy.props import BoolProperty
 
 from .. import completion, mesh_read, stored_match
 from ..mesh_read import UnusableObjectError
-from ..translation import said
+from ..translation import MORE, said
 from ..typed import Chosen, Options
 from . import (
     armatures,
@@ -278,6 +279,32 @@ def said_once(pairs: Iterable[tuple[bpy.types.Object, str]]) -> list[str]:
         more = others(len({other for _, other, _ in alike}) - 1)
         notes.append(words.replace("\0", f"'{name}'{more}"))
     return notes
+
+
+def said_of_targets(told: Sequence[tuple[Collection[str], Sequence[str]]]) -> list[str]:
+    """Notes on several targets, in pairs (names of what each has, notes): what is the same of several, but
+    for these names and for figures, is said once, of the one with the largest figures, and of how many.
+    """
+    alike: dict[tuple[str, int], list[tuple[tuple[float, ...], str]]] = {}
+    for names, notes in told:
+        counts: Counter[str] = Counter()
+        for note in notes:
+            words = _without(names, note)
+            figures = tuple(map(float, FIGURE.findall(words)))
+            key = FIGURE.sub("", words)
+            alike.setdefault((key, counts[key]), []).append((figures, note))
+            counts[key] += 1
+    worst = [(max(each, key=lambda note: note[0])[1], len(each)) for each in alike.values()]
+    return [note if many == 1 else f"{note} (on {many} targets)" for note, many in worst]
+
+
+def _without(names: Iterable[str], words: str) -> str:
+    """Words without these names, without the numbers that Blender adds where another object has one, and
+    without how many others a name stands for.
+    """
+    for name in sorted(names, key=len, reverse=True):
+        words = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", "\0", words)
+    return re.sub(rf"(?<=\w)\.\d\d\d\b|{MORE}\b", "", words)
 
 
 def others(many: int) -> str:

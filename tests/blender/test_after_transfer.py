@@ -9,12 +9,12 @@ import pytest
 from conftest import choose, lumpy, new_object
 from test_transfer import store_identity
 
-from addon import job, menus, notice, pair, palette
+from addon import job, menus, notice, pair, palette, translation
 from addon.mesh_read import value_of
 from addon.operators import carry as carrying
 from addon.operators import compare
 from addon.operators.carry import ADJUSTED, carry, done_words
-from addon.transfer import LASTING, Carried, said_once
+from addon.transfer import LASTING, Carried, said_of_targets, said_once
 from addon.translation_table import TABLE
 
 GROUPS = [f"Bone {number:02}" for number in range(25)]
@@ -240,6 +240,54 @@ def test_notes_that_differ_in_figures_are_one():
         "'Hat' has no 'UV2'",
         "'Arm.1' has no 'UV3'",
     ]
+
+
+def test_notes_on_several_targets_are_one():
+    """Which of their meshes is named and how they are numbered does not matter; what else differs does."""
+
+    def notes_on(name, number, percent, *more):
+        rig, hat = f"{name} Rig{number}", f"Hat{number}"
+        return {name, rig, hat, f"Cape{number}"}, [
+            f"UV map 'UVMap' of '{hat}' and 2 more meshes overlaps: {percent}% of it",
+            f"Groups of 'Cape{number}' that its rig has are kept: Bone ({rig}), Root ({rig})",
+            f"What hung on its bones follows the new rig: Staff{number}",
+            *more,
+        ]
+
+    one, own = "'Hat' has no 'UV2'", "'Hat.001' has no 'UV3'"
+    told = [
+        notes_on("Mage", "", 12, one),
+        notes_on("Rogue", ".001", 80.5, own, own),
+        notes_on("Monk", ".002", 7),
+    ]
+    assert said_of_targets(told) == [
+        "UV map 'UVMap' of 'Hat.001' and 2 more meshes overlaps: 80.5% of it (on 3 targets)",
+        "Groups of 'Cape' that its rig has are kept: Bone (Mage Rig), Root (Mage Rig) (on 3 targets)",
+        "What hung on its bones follows the new rig: Staff (on 3 targets)",
+        one,
+        own,
+        own,
+    ]
+    for names, notes in told:
+        assert said_of_targets([(names, notes)]) == notes
+    assert said_of_targets([({"Hat"}, [one]), ({"Cap"}, ["'Cap' and 1 more mesh has no 'UV2'"])]) == [
+        f"{one} (on 2 targets)"
+    ]
+
+
+def test_a_note_on_several_targets_is_said_once(bodies, scene):
+    source, target = bodies
+    other = new_object("Other", *lumpy(8))
+    store_identity(source, other)
+    for obj in (target, other):
+        obj.vertex_groups.new(name=GROUPS[3]).lock_weight = True
+    choose(source, target, other)
+    assert bpy.ops.spectral_match.transfer(kinds="groups") == {"FINISHED"}
+    (words,) = notice.words.splitlines()
+    assert words.endswith(" (on 2 targets)") and "'Target'" in words and "'Other'" not in words
+    for locale, said in (("ja_JP", "(転送先 2 件)"), ("zh_HANS", "(2 个目标)")):
+        spoken = translation.spoken(words, locale)
+        assert spoken.endswith(said) and "locked" not in spoken
 
 
 def test_the_pair_stays_while_a_transfer_has_objects_of_its_own(bodies, scene, monkeypatch):

@@ -13,6 +13,7 @@ from addon.transfer import KINDS, Bodies
 
 KIND = next(kind for kind in KINDS if kind.identifier == "groups")
 FOUND = 1 << 30
+LISTS = item_lists.VIEW3D_UL_spectral_match_items
 
 
 class Layout:
@@ -43,7 +44,7 @@ def source(scene):
 
 def drawn(source):
     lists = []
-    transfer_panel.draw_kinds(Layout(lists), bpy.context.scene.spectral_match, Bodies([source], []))
+    transfer_panel.draw_kinds(bpy.context, Layout(lists), Bodies([source], []))
     return lists
 
 
@@ -58,7 +59,7 @@ def test_lists_follow_the_source_and_drawing_changes_nothing(source):
         assert bpy.app.timers.is_registered(item_lists.bring_up_to_date)
         item_lists.bring_up_to_date()
         item_lists.forget()
-        assert drawn(source) == [("groups", names, min(len(names), item_lists.MOST_ROWS))]
+        assert drawn(source) == [("groups", names, min(len(names), LISTS.most_rows))]
         # What is up to date is left alone.
         assert not bpy.app.timers.is_registered(item_lists.bring_up_to_date)
 
@@ -86,17 +87,15 @@ def test_a_list_shows_what_the_search_finds(source, scene):
     drawn(source)
     item_lists.bring_up_to_date()
     (held,) = bpy.context.window_manager.spectral_match_lists
-    shown = SimpleNamespace(bitflag_filter_item=FOUND, use_filter_sort_alpha=False)
+    shown = SimpleNamespace(bitflag_filter_item=FOUND, use_filter_sort_alpha=False, search="item_search")
     for letters in ("", "BONE 1", "nowhere"):
         bpy.context.window_manager.spectral_match_panel.item_search = letters
-        flags, order = item_lists.VIEW3D_UL_spectral_match_items.filter_items(
-            shown, bpy.context, held, "entries"
-        )
+        flags, order = LISTS.filter_items(shown, bpy.context, held, "entries")
         found = [name for name, flag in zip(GROUPS, flags, strict=True) if flag == FOUND]
         assert found == [name for name in GROUPS if letters.lower() in name.lower()] and not order
     assert not drawn(source)
     shown.use_filter_sort_alpha = True
     bpy.context.window_manager.spectral_match_panel.item_search = ""
-    _, order = item_lists.VIEW3D_UL_spectral_match_items.filter_items(shown, bpy.context, held, "entries")
+    _, order = LISTS.filter_items(shown, bpy.context, held, "entries")
     by_name = sorted(GROUPS, key=str.lower)
     assert [by_name.index(name) for name in GROUPS] == list(order)

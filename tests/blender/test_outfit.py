@@ -2,6 +2,7 @@
 """Fit Outfit on copies of a character made by code, where it is known how the shirt has to sit."""
 
 import json
+from types import SimpleNamespace
 
 import bpy
 import figures
@@ -14,7 +15,7 @@ from mathutils.bvhtree import BVHTree
 from test_panel import drawn
 from test_transfer import store_map, weights_of
 
-from addon import character, command_line, mesh_read, notice, pair, palette, panels
+from addon import character, command_line, mesh_read, notice, outfit_panel, pair, palette
 from addon.mesh_write import HEAT, read_attribute, write_attribute
 from addon.operators import show
 from addon.operators.outfit import clothes_of
@@ -34,10 +35,14 @@ def known_map(source, target, old):
 
 
 @pytest.fixture
-def dressed(scene):
-    """A dressed character and its turned, renumbered copy without the shirt, with other names of bones."""
-    source = figures.character("Source")
-    target = figures.character("Target", moved=True)
+def dressed(scene, request):
+    """A dressed character and its turned, renumbered copy without the shirt, with other names of bones.
+
+    A parameter is how fine their meshes are.
+    """
+    cells = getattr(request, "param", 8)
+    source = figures.character("Source", cells=cells)
+    target = figures.character("Target", moved=True, cells=cells)
     bpy.data.objects.remove(target.shirt)
     for bone, name in (("Low", "Unten"), ("High", "Oben")):
         target.rig.data.bones[bone].name = name
@@ -295,22 +300,39 @@ def test_a_closer_look_tells_what_is_inside(dressed):
 def test_the_panel_says_what_was_fitted_and_what_is_in_the_way(dressed, monkeypatch):
     source, target = dressed
     monkeypatch.setattr("addon.drawing.wrapped", lambda text, _fits: [text])
-    scarf = new_object("Scarf", *figures.meshes()["Shirt"])
+    points, faces = figures.meshes()["Shirt"]
+    scarf = new_object("Scarf", turned(points), faces)
     scarf.parent, scarf.matrix_world = target.rig, target.body.matrix_world
     scarf.spectral_match_part, scarf.spectral_match_worn = "LEFT_OUT", wardrobe.WORN
+    # What is elsewhere is in nobody's way.
+    ring = new_object("Ring", turned(0.3 * points), faces)
+    ring.parent, ring.matrix_world = target.rig, target.body.matrix_world
+    ring.spectral_match_part, ring.spectral_match_worn = "LEFT_OUT", wardrobe.WORN
     bpy.context.view_layer.update()
 
     def words():
-        return {words for words, _ in drawn(panels.VIEW3D_PT_spectral_match_outfit)}
+        return {words for words, _ in drawn(outfit_panel.VIEW3D_PT_spectral_match_outfit)}
 
     assert "Done: 1 garment" not in words()
     fit()
-    in_the_way = "'Target' wears Scarf too. Hide what is in the way"
+    in_the_way = "'Target' wears clothes of its own there. Hide what is in the way:"
     assert {"Done: 1 garment", "Nothing is inside the body", in_the_way} <= words()
-    scarf.hide_set(True)
-    assert in_the_way not in words()
+    outfits = outfit_panel.VIEW3D_PT_spectral_match_outfit
+    assert [name for name, _ in drawn(outfits)].count("spectral_match.hide_worn") == 1
+    (copies,) = (copies for _, copies in live.kept_on(pair.resolve(bpy.context).targets))
+    assert wardrobe.replaced(character.of(target.body), copies) == [scarf]
+    bpy.ops.ed.undo_push(message="Fit Outfit")
+    assert bpy.ops.spectral_match.hide_worn(name=scarf.name) == {"FINISHED"}
+    assert not {in_the_way, "spectral_match.hide_worn"} & words()
+    assert scarf.hide_get() and scarf.hide_render
+    bpy.ops.ed.undo_push(message="Hide")
+    bpy.ops.ed.undo()
+    scarf = bpy.data.objects["Scarf"]
+    assert not scarf.hide_get() and not scarf.hide_render
+    assert {in_the_way, "spectral_match.hide_worn"} <= words()
 
 
+@pytest.mark.parametrize("dressed", [20], indirect=True)
 def test_hidden_skin_is_masked_and_nothing_is_deleted(dressed):
     source, target = dressed
     count = len(target.body.data.vertices)
@@ -320,10 +342,41 @@ def test_hidden_skin_is_masked_and_nothing_is_deleted(dressed):
     (mask,) = [m for m in target.body.modifiers if m.type == "MASK"]
     assert mask.invert_vertex_group and mask.vertex_group == "Hidden by Source"
     hidden = {vertex for vertex, name in weights_of(target.body) if name == mask.vertex_group}
-    heights = figures.meshes()["Body"][0][target.old["Body"], 2]
+    heights = figures.meshes(20)["Body"][0][target.old["Body"], 2]
     assert len(target.body.data.vertices) == count and hidden
     inside = (heights > figures.SHIRT_FROM) & (heights < figures.SHIRT_TO)
     assert inside[list(hidden)].all()
+
+
+@pytest.mark.parametrize("dressed", [20], indirect=True)
+@pytest.mark.parametrize("distance", [0.0, 0.03])
+def test_skin_that_is_seen_stays(dressed, distance):
+    """Into wide openings one sees far, and a face goes as a whole: what is gone is seen from nowhere."""
+    source, target = dressed
+    settings = bpy.context.scene.spectral_match
+    settings.outfit_hide, settings.outfit_distance = True, distance
+    fit()
+    shirt, mesh = copy_of(source.shirt.name), target.body.data
+    group = next(m.vertex_group for m in target.body.modifiers if m.type == "MASK")
+    gone = {vertex for vertex, name in weights_of(target.body) if name == group}
+    skin, cloth = places(target.body), places(shirt)
+    triangles = [mesh_read.triangle_vertices(each) for each in (mesh, shirt.data)]
+    tree = BVHTree.FromPolygons(
+        np.concatenate([skin, cloth]).tolist(),
+        np.concatenate([triangles[0], triangles[1] + len(skin)]).tolist(),
+        all_triangles=True,
+    )
+    sides = np.random.default_rng(3).normal(size=(100, 3))
+    turn = np.array(target.body.matrix_world.to_3x3())
+    faces = [face for face in mesh.polygons if gone.intersection(face.vertices)]
+    assert len(faces) > 20
+    for face in faces:
+        facing = turn @ face.normal
+        start = skin[list(face.vertices)].mean(axis=0) + 0.01 * facing
+        outward = sides[sides @ facing > 0.0]
+        seen = [tree.ray_cast(start.tolist(), side.tolist())[0] is None for side in outward]
+        # Between the sides that were looked from there are others.
+        assert np.mean(seen) < 0.1
 
 
 def test_originals_stay_and_a_second_press_fits_again(dressed):
@@ -418,6 +471,58 @@ def test_the_panel_keeps_what_it_found_until_a_box_is_pressed(dressed, monkeypat
     assert (
         clothes_of(pair.resolve(bpy.context)).worn == wardrobe.worn(wardrobe_of(source)) and len(asked) == 4
     )
+
+
+def test_the_panel_follows_what_is_hidden(dressed, monkeypatch):
+    """A piece that is unticked for the match is worn while it is seen, also in what a window keeps."""
+    source, _ = dressed
+    source.shirt.spectral_match_part = "LEFT_OUT"
+    monkeypatch.setattr(pair, "KEPT_SECONDS", float("inf"))
+    window = SimpleNamespace(
+        app=SimpleNamespace(background=False), types=bpy.types, context=bpy.context, data=bpy.data
+    )
+    monkeypatch.setattr(pair, "bpy", window)
+    collection = bpy.data.collections.new("Clothes")
+    bpy.context.scene.collection.children.link(collection)
+    collection.objects.link(source.shirt)
+    bpy.context.collection.objects.unlink(source.shirt)
+    layer = bpy.context.view_layer.layer_collection.children["Clothes"]
+    bpy.context.view_layer.update()
+
+    def worn():
+        return source.shirt in clothes_of(pair.shown(bpy.context)).worn
+
+    assert worn()
+    for held in (source.shirt, layer, collection):
+        for hidden in (True, False):
+            held.hide_viewport = hidden
+            bpy.context.view_layer.update()
+            assert worn() == (not hidden), held
+    for hidden in (True, False):
+        source.shirt.hide_set(hidden)
+        bpy.context.view_layer.update()
+        assert worn() == (not hidden)
+
+
+def test_the_list_of_clothes_begins_with_what_is_worn(dressed):
+    """It stays as it is when boxes are pressed, and All and None mean what the search finds."""
+    source, _ = dressed
+    panel = bpy.context.window_manager.spectral_match_panel
+
+    def listed():
+        clothes = clothes_of(pair.resolve(bpy.context))
+        return [obj.name for obj in clothes.others], {obj.name for obj in clothes.worn}
+
+    names, worn = listed()
+    assert names[0] == source.shirt.name and worn == {names[0]} and len(names) > 1
+    assert bpy.ops.spectral_match.toggle_worn(garment=names[0]) == {"FINISHED"}
+    assert listed() == (names, set())
+    assert bpy.ops.spectral_match.choose_worn(take=True) == {"FINISHED"}
+    assert listed() == (names, set(names))
+    panel.worn_search = names[-1].upper()
+    assert bpy.ops.spectral_match.choose_worn(take=False) == {"FINISHED"}
+    panel.worn_search = ""
+    assert listed() == (names, set(names[:-1]))
 
 
 def test_what_is_worn_lies_over_what_the_same_bones_move(scene):

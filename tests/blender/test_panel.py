@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """What panels draw: buttons that stay in their places, a stop that is said, options that are grey."""
 
+import threading
 from types import SimpleNamespace
 
 import bpy
@@ -12,8 +13,8 @@ from test_textures import Body
 from test_transfer import store_identity, transfer
 from test_transfer_kinds import photo
 
-from addon import job, manual, notice, panels, transfer_panel
-from addon.operators import carry, match, outfit, step
+from addon import job, manual, notes_panel, notice, outfit_panel, panels, transfer_panel
+from addon.operators import carry, match, outfit, running, step
 from addon.transfer import KINDS, Bodies, has_effect
 
 BUTTONS = ("spectral_match.match", "spectral_match.transfer")
@@ -94,11 +95,129 @@ def test_both_steps_stay_where_they_are(bodies, monkeypatch):
     assert above_and_steps() == before
     assert bpy.ops.spectral_match.transfer() == {"FINISHED"} and notice.done is not None
     assert above_and_steps() == before
-    for blocks, expected in ((False, ["progress", BUTTONS[1]]), (True, [BUTTONS[0], "progress"])):
-        running = job.Job()
-        running.blocks = blocks
-        monkeypatch.setattr(job, "current", running)
+    for place, button in enumerate(BUTTONS):
+        going = job.Job()
+        going.button = button
+        monkeypatch.setattr(job, "current", going)
+        expected = [*BUTTONS]
+        expected[place] = "progress"
         assert above_and_steps() == (above, expected)
+
+
+@pytest.mark.parametrize(
+    ("button", "panel"),
+    [
+        ("spectral_match.swap_sides", panels.VIEW3D_PT_spectral_match_fix),
+        ("spectral_match.match", panels.VIEW3D_PT_spectral_match_fix),
+        ("spectral_match.alternative", panels.VIEW3D_PT_spectral_match_result),
+        ("spectral_match.fit_outfit", outfit_panel.VIEW3D_PT_spectral_match_outfit),
+        ("spectral_match.batch", panels.VIEW3D_PT_spectral_match_batch),
+    ],
+)
+def test_progress_is_where_the_button_was_pressed(bodies, monkeypatch, button, panel):
+    bodies[1].data.spectral_match.alternatives = 2
+    before = [name for name, _ in drawn(panel)]
+    place = len(before) - 1 - before[::-1].index(button)
+    if button == "spectral_match.alternative":
+        # Between two arrows, which stay.
+        place -= 1
+    assert before[place] == button
+    going = job.Job()
+    going.button = button
+    monkeypatch.setattr(job, "current", going)
+    found = [name for name, _ in drawn(panel)]
+    assert found[place] == "progress" and found[place + 1] == "spectral_match.cancel"
+    del found[place + 1]
+    assert [*before[:place], "progress", *before[place + 1 :]] == found
+    assert "progress" not in [name for name, _ in drawn(transfer_panel.VIEW3D_PT_spectral_match_transfer)]
+
+
+def test_a_step_from_a_menu_shows_its_progress_above():
+    """There it cannot be folded away; one pressed in the sidebar shows it in place of its button."""
+
+    class Pressed:
+        stands_for = running.JobOperator.stands_for
+
+        def execute(self, _context):
+            return {"FINISHED"}
+
+    for operator, of_menu in (
+        (match.SPECTRAL_MATCH_OT_match, "spectral_match.match"),
+        (carry.SPECTRAL_MATCH_OT_transfer, "spectral_match.transfer"),
+        (match.SPECTRAL_MATCH_OT_batch, "spectral_match.match"),
+        (outfit.SPECTRAL_MATCH_OT_fit_outfit, "spectral_match.match"),
+    ):
+        for region, expected in (("WINDOW", of_menu), ("UI", operator.bl_idname), (None, of_menu)):
+            pressed = type("Pressed", (Pressed,), vars(Pressed) | {"bl_idname": operator.bl_idname})()
+            pressed.stands_for = operator.stands_for
+            there = None if region is None else SimpleNamespace(type=region)
+            operator.invoke(pressed, SimpleNamespace(region=there), None)
+            assert pressed.said_at == expected
+
+
+class Running(running.JobOperator):
+    """Reads in two steps, then works until it is let go."""
+
+    told = ()
+
+    def begin(self, _context):
+        self.work = threading.Event()
+        yield
+        yield 0.5, "Reading"
+        held = job.Job()
+        held._work = lambda _sgmds: self.work.wait()
+        return held
+
+    def conclude(self, _context, _job):
+        self.warn(self.told)
+        return {"FINISHED"}
+
+    def report(self, _kinds, _words):
+        """The status bar is not looked at."""
+
+
+@pytest.mark.parametrize("step", ["", *notice.BESIDE])
+def test_what_was_said_stays_while_work_runs(bodies, step):
+    """The panel is as high as before until the end, also beside the buttons that say so themselves."""
+    context = SimpleNamespace(
+        region=None,
+        window_manager=SimpleNamespace(windows=[]),
+        workspace=SimpleNamespace(status_text_set=lambda _words: None),
+    )
+    for told in (["A doubt"], []):
+        going = Running()
+        going.told, going._button, going.said_at = told, step, step
+        going._timer, going._shown, going._beginning = None, "", going.begin(context)
+        going._take_up(job.Job())
+        notice.say("Above")
+        notice.say("Earlier", step=step)
+        before = notice.words, dict(notice.beside)
+        tick = SimpleNamespace(type="TIMER", value="NOTHING")
+        for _ in range(5):
+            going._follow(context, tick)
+            assert (notice.words, notice.beside) == before and job.current.button == step
+        going.work.set()
+        job.current.wait()
+        assert going._follow(context, tick) == {"FINISHED"}
+        words = "\n".join(told)
+        above = words if not step else "Above"
+        assert notice.words == above and notice.beside == ({step: (words, "ERROR")} if step and told else {})
+
+
+def test_a_message_of_fit_outfit_is_beside_its_button(bodies):
+    """What is below the result stays as high, and the cross takes each away alone."""
+    fit, panel = outfit_panel.FIT, outfit_panel.VIEW3D_PT_spectral_match_outfit
+    above = notes_panel.VIEW3D_PT_spectral_match_message
+    before, names = drawn(above), [name for name, _ in drawn(panel)]
+    notice.say("It is torn", step=fit)
+    assert drawn(above) == before and not above.poll(bpy.context)
+    found = [name for name, _ in drawn(panel)]
+    assert found == [fit, "It is torn", "spectral_match.dismiss", *names[1:]] and names[0] == fit
+    notice.say("Scale is 0")
+    assert not notice.beside
+    notice.say("It is torn", step=fit)
+    assert bpy.ops.spectral_match.dismiss(step=fit) == {"FINISHED"}
+    assert notice.words == "Scale is 0" and [name for name, _ in drawn(panel)] == names
 
 
 def test_reasons_of_a_match_stay_after_a_transfer(bodies):
@@ -132,12 +251,12 @@ def test_a_stop_is_said_in_the_panel(bodies, operator, what):
     assert operator.conclude(pressed, bpy.context, stopped) == {"CANCELLED"}
     words = f"{what} stopped; nothing was changed"
     assert pressed.told == ({"INFO"}, words) and (notice.words, notice.icon) == (words, "INFO")
-    assert words in [drawn_words for drawn_words, _ in drawn(panels.VIEW3D_PT_spectral_match_message)]
+    assert words in [drawn_words for drawn_words, _ in drawn(notes_panel.VIEW3D_PT_spectral_match_message)]
 
 
 def test_messages_come_and_go_below_the_result(bodies):
-    """What is above them stays in its place. What a transfer brought has a place of its own."""
-    message = panels.VIEW3D_PT_spectral_match_message
+    """What is above them stays in its place. What a transfer brought is there too, whatever is folded."""
+    message = notes_panel.VIEW3D_PT_spectral_match_message
     order = [cls.bl_order for cls in panels.CLASSES if hasattr(cls, "bl_order")]
     above = panels.CLASSES[: panels.CLASSES.index(message)]
     assert order == sorted(order) and panels.VIEW3D_PT_spectral_match_result in above
@@ -150,8 +269,11 @@ def test_messages_come_and_go_below_the_result(bodies):
     assert not message.poll(bpy.context)
     notice.say("Something\nis wrong")
     assert message.poll(bpy.context) and height() == before
+    assert "HIDE_HEADER" in message.bl_options
     notice.finish(bpy.context, lambda: "Done", ["A note"])
-    assert notice.words and not message.poll(bpy.context)
+    assert message.poll(bpy.context) and height() == before
+    assert {"Done", "open_notes"} <= {words for words, _ in drawn(message)}
+    assert "Done" not in [words for words, _ in drawn(transfer_panel.VIEW3D_PT_spectral_match_transfer)]
     notice.say("It failed")
     assert notice.icon == "ERROR"
 
@@ -161,7 +283,7 @@ def grey(bodies):
     found, folds = [], bpy.context.window_manager.spectral_match_panel
     for kind in KINDS:
         setattr(folds, f"open_{kind.identifier}", True)
-    transfer_panel.draw_kinds(Layout(found), bpy.context.scene.spectral_match, bodies)
+    transfer_panel.draw_kinds(bpy.context, Layout(found), bodies)
     for kind in KINDS:
         folds.property_unset(f"open_{kind.identifier}")
     shown = {name for kind in KINDS for name in kind.shown}
@@ -206,10 +328,10 @@ def test_options_of_outfits_and_characters_are_grey_too(bodies, scene):
     def is_grey(panel, name):
         return dict(drawn(panel))[name]
 
-    outfit_panel, options = panels.VIEW3D_PT_spectral_match_outfit, panels.VIEW3D_PT_spectral_match_options
-    assert is_grey(outfit_panel, "outfit_body_keys") and not is_grey(outfit_panel, "outfit_hide")
+    outfits, options = outfit_panel.VIEW3D_PT_spectral_match_outfit, panels.VIEW3D_PT_spectral_match_options
+    assert is_grey(outfits, "outfit_body_keys") and not is_grey(outfits, "outfit_hide")
     target.shape_key_add(name="Basis")
-    assert not is_grey(outfit_panel, "outfit_body_keys")
+    assert not is_grey(outfits, "outfit_body_keys")
     # Two meshes by themselves are the same characters in any case; a mesh of several is not.
     assert is_grey(options, "whole_characters") and not is_grey(options, "shape")
     root = bpy.data.objects.new("Root", None)
