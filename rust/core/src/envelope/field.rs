@@ -174,11 +174,6 @@ impl Band {
         progress: &Progress,
     ) -> Result<Option<Self>> {
         let needed = bridges.wide + FIELD.diagonal * self.grid.step;
-        let mut band = Self {
-            grid: self.grid.clone(),
-            samples: self.samples.clone(),
-            reach: self.reach.max(needed),
-        };
         let width = self.grid.half() * 3f32.sqrt() + needed;
         let between: Vec<u32> = (0..self.grid.slots.len() as u32)
             .into_par_iter()
@@ -188,6 +183,11 @@ impl Band {
         if between.is_empty() {
             return Ok(None);
         }
+        let mut band = Self {
+            grid: self.grid.clone(),
+            samples: self.samples.clone(),
+            reach: self.reach.max(needed),
+        };
         let slots: Vec<usize> = (between.iter())
             .map(|&brick| self.grid.slots[brick as usize] as usize)
             .filter(|&slot| slot < self.samples.len())
