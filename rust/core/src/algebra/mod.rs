@@ -10,5 +10,6 @@ pub(crate) mod packed;
 pub mod similarity;
 pub mod space_tree;
 pub mod sparse_factor;
+pub mod stretch;
 pub mod unions;
 pub mod vector;

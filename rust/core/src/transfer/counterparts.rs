@@ -10,6 +10,7 @@
 //! the one that costs it least, as two rows of lashes share one.
 
 use crate::algebra::similarity::Similarity;
+use crate::algebra::stretch;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::mesh::surface_point::SurfacePoint;
@@ -79,9 +80,14 @@ impl<'a> Piece<'a> {
         (cost <= COUNTERPARTS.largest_cost).then_some(cost)
     }
 
-    /// Where its vertices come to lie on another piece, on that piece's surface.
+    /// Where its vertices come to lie on another piece, on that piece's surface, stretched to its proportions.
     pub(crate) fn laid_on(&self, other: &Self) -> impl Iterator<Item = SurfacePoint> {
-        let laid = |&goal: &Point| other.on_surface(other.normalised.nearest(goal));
+        let [own, theirs] = [self, other].map(|piece| stretch::moments(&piece.normalised.vertices));
+        let stretch = stretch::between(&own, &theirs, COUNTERPARTS.thin);
+        let laid = move |&place: &Point| {
+            let goal = stretch.map(|row| vector::dot(row, place));
+            other.on_surface(other.normalised.nearest(goal))
+        };
         self.normalised.vertices.iter().map(laid)
     }
 

@@ -185,8 +185,9 @@ settings! {
         /// and mouths that take part in an envelope go to their own, from 0.7 on brows too, of which 0.65 lie on the head.
         held: f64 = 0.7,
         /// Root mean square radius, in roots of the target's area, up to which a piece that is held by none goes to its
-        /// counterpart as a whole: a head, a coat or hair is scattered because the other figure is made of other pieces.
-        small: f64 = 0.03,
+        /// counterpart as a whole: a head (0.07), a coat or hair is scattered because the other figure is made of other
+        /// pieces. Eyes, lids, brows and mouths have at most 0.02 of a person and 0.055 of a head by itself.
+        small: f64 = 0.06,
         /// Centres of counterparts, brought together by the body around, are at most this many radii apart.
         largest_offset: f64 = 1.5,
         /// Nor may one be this much larger than the other.
@@ -196,6 +197,9 @@ settings! {
         shape: f64 = 3.0,
         /// Most that a counterpart costs. Right ones of those people cost 1.1 in 99 of 100, the best of the wrong ones 0.6.
         largest_cost: f64 = 1.2,
+        /// Share of the square of its size that a piece has at least across, where it is stretched to the proportions of
+        /// its counterpart: a strip of lashes is not stretched across by how its ends bend.
+        thin: f64 = 0.01,
         /// Trust in the image of a piece that was put onto its counterpart.
         confidence: f64 = 0.5,
     }
