@@ -15,6 +15,7 @@ import bpy
 import numpy as np
 from cast import people, scene, studio
 from cast.anatomy import INDEX
+from mathutils.kdtree import KDTree
 from PIL import Image
 
 import addon
@@ -175,14 +176,22 @@ def keep_carried(objects):
 # ------------------------------------------------------------------ pictures
 
 
-def row(name, width, height=480, samples=SAMPLES, **studio_options):
-    """Draw what stands in the scene, `width` metres wide."""
+def drawn(width, height, samples=SAMPLES, **studio_options):
+    """What stands in the scene, `width` metres wide."""
     studio.built(width=width, **studio_options)
-    path = HERE / f"{name}.png"
+    path = Path(tempfile.mkdtemp()) / "row.png"
     studio.rendered(path, (1200, height), samples)
     with Image.open(path) as picture:
-        picture.convert("RGB").save(HERE / f"{name}.webp", quality=86, method=6)
-    path.unlink()
+        return picture.convert("RGB")
+
+
+def row(name, width, height=480, samples=SAMPLES, **studio_options):
+    """Draw what stands in the scene, `width` metres wide."""
+    keep(name, drawn(width, height, samples, **studio_options))
+
+
+def keep(name, picture):
+    picture.save(HERE / f"{name}.webp", quality=86, method=6)
 
 
 def matched():
@@ -270,42 +279,109 @@ EXPRESSIONS = (
 )
 
 
+def _head(person, keys, label, leave=()):
+    """The pieces of a face, and what else is on the head."""
+    shown = [piece for piece in person.pieces if not piece.weights[:, INDEX["hips"]].any()]
+    face = [piece for piece in shown if piece.name in FACE]
+    leave = ("Hands", "Shoes", "Boots", *leave)
+    worn = [piece for piece in shown if piece not in face and piece.name not in leave]
+    return (
+        scene.staged(replace(person, pieces=face), rig=False, keys=keys, label=label),
+        scene.staged(replace(person, pieces=worn), rig=False, keys=False, label=f"{label} wears"),
+    )
+
+
+def _carry_keys(source, target):
+    with registered():
+        chosen(source, target, "Head")
+        bpy.ops.spectral_match.match()
+        bpy.ops.spectral_match.transfer(kinds="keys")
+
+
+def _makes(head, expression, x, lift, name):
+    """A copy of a head at `x` that makes a face."""
+    face, worn = head
+    for obj in face.objects:
+        for key in obj.data.shape_keys.key_blocks if obj.data.shape_keys else ():
+            key.slider_max = 2.0
+            key.value = expression.get(key.name, 0.0)
+    bpy.context.view_layer.update()
+    for copy in posed([*face.objects, *worn.objects], x, name):
+        copy.location.z = lift
+        copy.rotation_euler.z = 0.25
+
+
 def faces():
     """Keys of Mia's face, and the same on Bruno's; the heads were matched by themselves."""
     cleared()
-    heads = []
-    for person, keys in ((people.mia(), True), (people.bruno(), False)):
-        shown = [piece for piece in person.pieces if not piece.weights[:, INDEX["hips"]].any()]
-        face = [piece for piece in shown if piece.name in FACE]
-        dressed = [
-            piece for piece in shown if piece not in face and piece.name not in ("Hands", "Shoes", "Boots")
-        ]
-        heads.append(
-            (
-                scene.staged(replace(person, pieces=face), rig=False, keys=keys),
-                scene.staged(
-                    replace(person, pieces=dressed), rig=False, keys=False, label=f"{person.name} wears"
-                ),
-            )
-        )
-    (mia, _), (bruno, _) = heads
-    with registered():
-        chosen(mia, bruno, "Head")
-        bpy.ops.spectral_match.match()
-        bpy.ops.spectral_match.transfer(kinds="keys")
+    heads = _head(people.mia(), True, "Mia"), _head(people.bruno(), False, "Bruno")
+    _carry_keys(heads[0][0], heads[1][0])
     for k, expression in enumerate(EXPRESSIONS):
-        for side, (face, worn) in zip((-1, 1), heads, strict=True):
-            for obj in face.objects:
-                for key in obj.data.shape_keys.key_blocks if obj.data.shape_keys else ():
-                    key.slider_max = 2.0
-                    key.value = expression.get(key.name, 0.0)
-            bpy.context.view_layer.update()
-            copies = posed([*face.objects, *worn.objects], 0.46 * (k - 1.5) + 0.98 * side, f"{side} {k}")
+        for side, head in zip((-1, 1), heads, strict=True):
             lift = 0.0 if side < 0 else LIFT
-            for copy in copies:
-                copy.location.z = lift
-                copy.rotation_euler.z = 0.25
+            _makes(head, expression, 0.46 * (k - 1.5) + 0.98 * side, lift, f"{side} {k}")
     row("faces", 3.9, 260, middle=(0, 0, 1.46))
+
+
+JUDGED = (
+    {"eyeBlinkLeft": 1.0, "eyeBlinkRight": 1.0},
+    {"mouthSmileLeft": 1.0, "mouthSmileRight": 1.0},
+    {"jawOpen": 1.0},
+)
+
+
+def expressions():
+    """Eyes shut, a smile and an open jaw, a row each: Mia's; Bruno's as they were made for him; as they
+    were carried from Mia; and as they come from the nearest vertex."""
+    cleared()
+    mia, bruno = people.mia(), people.bruno()
+    heads = [
+        _head(mia, True, "Mia"),
+        _head(bruno, True, "Made", leave=("Beard",)),
+        _head(bruno, False, "Carried", leave=("Beard",)),
+        _head(_with_nearest_keys(mia, bruno), True, "Nearest", leave=("Beard",)),
+    ]
+    _carry_keys(heads[0][0], heads[2][0])
+    rows = []
+    for number, expression in enumerate(JUDGED):
+        for k, head in enumerate(heads):
+            _makes(head, expression, 0.5 * (k - 1.5), LIFT if k else 0.0, f"{number} {k}")
+        rows.append(drawn(2.05, 240, middle=(0, 0, 1.44)))
+        for obj in bpy.data.objects:
+            obj.hide_render = obj.type == "MESH" or obj.hide_render
+    stacked = Image.new("RGB", (1200, 720))
+    for k, picture in enumerate(rows):
+        stacked.paste(picture, (0, 240 * k))
+    keep("expressions", stacked)
+
+
+def _with_nearest_keys(source, target):
+    """The target with keys of the source: each vertex of its face moves as the nearest vertex of the source's
+    does, both heads laid over one another by their boxes."""
+
+    def box(person):
+        (head,) = (piece.vertices for piece in person.pieces if piece.name == "Head")
+        return head.min(axis=0), np.ptp(head, axis=0)
+
+    (low, size), (own_low, own_size) = box(source), box(target)
+    face = [piece for piece in source.pieces if piece.name in FACE]
+    names = {name for piece in face for name in piece.keys}
+    shifts = {
+        name: np.concatenate([piece.keys.get(name, 0.0 * piece.vertices) for piece in face]) for name in names
+    }
+    points = np.concatenate([piece.vertices for piece in face])
+    tree = KDTree(len(points))
+    for number, point in enumerate(((points - low) / size).tolist()):
+        tree.insert(point, number)
+    tree.balance()
+
+    def keyed(piece):
+        laid = (piece.vertices - own_low) / own_size
+        nearest = [tree.find(point)[1] for point in laid.tolist()]
+        moved = {name: shift[nearest] / size * own_size for name, shift in shifts.items()}
+        return replace(piece, keys=moved)
+
+    return replace(target, pieces=[keyed(p) if p.name in FACE else p for p in target.pieces])
 
 
 def ink():
@@ -465,5 +541,5 @@ def top(obj):
 
 PICTURES = {
     picture.__name__: picture
-    for picture in (matched, painted, dressed, exchanged, shafts, walking, faces, loop)
+    for picture in (matched, painted, dressed, exchanged, shafts, walking, faces, expressions, loop)
 }
