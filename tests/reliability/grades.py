@@ -1,7 +1,7 @@
 """What the grade rests on: figures of many maps whose truth is known, and a logistic regression on them.
 
     python tests/reliability/grades.py collect KIND HALF OUT.jsonl
-        [--pairs 40] [--data DATA] [--characters FOLDER]
+        [--pairs 40] [--data DATA] [--characters FOLDER] [--poses 1]
     python tests/reliability/grades.py judge OUT.jsonl ...
 
 `collect` matches pairs of one half of the bodies, 0 or 1, and adds a line a map to OUT. KIND is "wide",
@@ -88,7 +88,8 @@ def of_characters(options):
         own = np.array(names)[classes == one][options.half :: 2]
         for pair in itertools.permutations(own, 2):
             poses = [["rest", *np.load(scorer.find(name))["pose_names"]] for name in pair]
-            pairs += [(pair, ("rest", "rest")), (pair, tuple(str(rng.choice(p)) for p in poses))]
+            drawn = [tuple(str(rng.choice(p)) for p in poses) for _ in range(options.poses)]
+            pairs += [(pair, ("rest", "rest")), *((pair, pose) for pose in drawn)]
     for i in rng.permutation(len(pairs))[: options.pairs]:
         (a, b), poses = pairs[i]
         source, target = (scorer.shape(n, p, "weld", None) for n, p in zip((a, b), poses, strict=True))
@@ -170,6 +171,7 @@ def main():
     collecting.add_argument("--pairs", type=int, default=40)
     collecting.add_argument("--data")
     collecting.add_argument("--characters")
+    collecting.add_argument("--poses", type=int, default=1, help="draws of poses of two characters")
     collecting.set_defaults(run=collect)
     judging = commands.add_parser("judge")
     judging.add_argument("files", nargs="+")
