@@ -25,7 +25,7 @@ PAGES = {
         "go_to_landmark",
     ),
     "transfer": ("transfer", "compare", "toggle_item", "choose_items"),
-    "outfit": ("fit_outfit", "toggle_worn", "closer_look"),
+    "outfit": ("fit_outfit", "toggle_worn", "choose_worn", "hide_worn", "closer_look"),
     "batch": ("batch",),
     "preferences": ("clear_cache",),
 }
