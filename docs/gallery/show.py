@@ -176,18 +176,19 @@ def keep_carried(objects):
 # ------------------------------------------------------------------ pictures
 
 
-def drawn(width, height, samples=SAMPLES, **studio_options):
-    """What stands in the scene, `width` metres wide."""
-    studio.built(width=width, **studio_options)
-    path = Path(tempfile.mkdtemp()) / "row.png"
-    studio.rendered(path, (1200, height), samples)
-    with Image.open(path) as picture:
-        return picture.convert("RGB")
+def drawn(height, samples=SAMPLES):
+    """What stands in the studio that was built."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "row.png"
+        studio.rendered(path, (1200, height), samples)
+        with Image.open(path) as picture:
+            return picture.convert("RGB")
 
 
 def row(name, width, height=480, samples=SAMPLES, **studio_options):
     """Draw what stands in the scene, `width` metres wide."""
-    keep(name, drawn(width, height, samples, **studio_options))
+    studio.built(width=width, **studio_options)
+    keep(name, drawn(height, samples))
 
 
 def keep(name, picture):
@@ -299,16 +300,18 @@ def _carry_keys(source, target):
 
 
 def _makes(head, expression, x, lift, name):
-    """A copy of a head at `x` that makes a face."""
+    """Copies of a head's pieces at `x` that make a face."""
     face, worn = head
     for obj in face.objects:
         for key in obj.data.shape_keys.key_blocks if obj.data.shape_keys else ():
             key.slider_max = 2.0
             key.value = expression.get(key.name, 0.0)
     bpy.context.view_layer.update()
-    for copy in posed([*face.objects, *worn.objects], x, name):
+    copies = posed([*face.objects, *worn.objects], x, name)
+    for copy in copies:
         copy.location.z = lift
         copy.rotation_euler.z = 0.25
+    return copies
 
 
 def faces():
@@ -342,16 +345,17 @@ def expressions():
         _head(_with_nearest_keys(mia, bruno), True, "Nearest", leave=("Beard",)),
     ]
     _carry_keys(heads[0][0], heads[2][0])
-    rows = []
+    studio.built(width=2.05, middle=(0, 0, 1.40))
+    stacked = Image.new("RGB", (1200, 240 * len(JUDGED)))
     for number, expression in enumerate(JUDGED):
-        for k, head in enumerate(heads):
-            _makes(head, expression, 0.5 * (k - 1.5), LIFT if k else 0.0, f"{number} {k}")
-        rows.append(drawn(2.05, 240, middle=(0, 0, 1.44)))
-        for obj in bpy.data.objects:
-            obj.hide_render = obj.type == "MESH" or obj.hide_render
-    stacked = Image.new("RGB", (1200, 720))
-    for k, picture in enumerate(rows):
-        stacked.paste(picture, (0, 240 * k))
+        copies = [
+            copy
+            for k, head in enumerate(heads)
+            for copy in _makes(head, expression, 0.5 * (k - 1.5), LIFT if k else 0.0, f"{number} {k}")
+        ]
+        stacked.paste(drawn(240), (0, 240 * number))
+        for copy in copies:
+            copy.hide_render = True
     keep("expressions", stacked)
 
 
