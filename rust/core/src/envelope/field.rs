@@ -121,46 +121,56 @@ impl Bridges {
     }
 }
 
+/// The grid of a soup with the bricks that can have a part of the surface, of offsets that are not larger than that.
+pub(super) fn grid_near(tree: &Tree, step: f32, largest: f32, progress: &Progress) -> Result<Grid> {
+    let reach = reach_of(largest, step);
+    let root = &tree.nodes[0];
+    let margin = reach + MARGIN * step;
+    let mut grid = Grid::over(
+        root.low.map(|x| x - margin),
+        root.high.map(|x| x + margin),
+        step,
+    );
+    let wide = (grid.half() * 3f32.sqrt() + reach).powi(2);
+    progress.check()?;
+    let sides = sides(tree, &grid, wide);
+    for (brick, side) in (0..).zip(&sides) {
+        match side {
+            Some(false) => {}
+            Some(true) => grid.slots[brick as usize] = INSIDE,
+            None => grid.activate(brick),
+        }
+    }
+    for (brick, side) in (0..).zip(&sides) {
+        let differs =
+            |&other: &u32| sides[other as usize].is_some_and(|is_in| Some(is_in) != *side);
+        if side.is_some() && grid.around(brick).any(|other| differs(&other)) {
+            grid.activate(brick);
+        }
+    }
+    progress.check()?;
+    Ok(grid)
+}
+
+/// Largest distance that is told for offsets that are not larger than that.
+fn reach_of(largest: f32, step: f32) -> f32 {
+    largest + FIELD.diagonal * step
+}
+
 impl Band {
-    /// Samples a soup for offsets that are not larger than that.
+    /// Samples a soup in the bricks of a grid, for offsets that are not larger than that.
     pub fn of(
         tree: &Tree,
-        step: f32,
+        grid: Grid,
         largest: f32,
         bridges: &Bridges,
         progress: &Progress,
     ) -> Result<Self> {
-        let reach = largest + FIELD.diagonal * step;
-        let root = &tree.nodes[0];
-        let margin = reach + MARGIN * step;
-        let mut grid = Grid::over(
-            root.low.map(|x| x - margin),
-            root.high.map(|x| x + margin),
-            step,
-        );
-        let wide = (grid.half() * 3f32.sqrt() + reach).powi(2);
-        progress.check()?;
-        let sides = sides(tree, &grid, wide);
-        for (brick, side) in (0..).zip(&sides) {
-            match side {
-                Some(false) => {}
-                Some(true) => grid.slots[brick as usize] = INSIDE,
-                None => grid.activate(brick),
-            }
-        }
-        for (brick, side) in (0..).zip(&sides) {
-            let differs =
-                |&other: &u32| sides[other as usize].is_some_and(|is_in| Some(is_in) != *side);
-            if side.is_some() && grid.around(brick).any(|other| differs(&other)) {
-                grid.activate(brick);
-            }
-        }
         let mut band = Self {
+            reach: reach_of(largest, grid.step),
             grid,
             samples: Vec::new(),
-            reach,
         };
-        progress.check()?;
         band.fill(tree, bridges, progress)?;
         Ok(band)
     }

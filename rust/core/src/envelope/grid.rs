@@ -105,6 +105,13 @@ impl Grid {
         })
     }
 
+    /// How many bricks with values have one outside beside them.
+    pub fn outer(&self) -> usize {
+        let is_outside = |other: u32| self.slots[other as usize] == OUTSIDE;
+        let is_outer = |&&brick: &&u32| self.around(brick).any(is_outside);
+        self.active.iter().filter(is_outer).count()
+    }
+
     /// Gives a brick values, which its caller appends to those of all.
     pub fn activate(&mut self, brick: u32) {
         self.slots[brick as usize] = self.active.len() as u32;

@@ -5,8 +5,9 @@
 //! It comes in: vertices and faces, with vertices at one place already one ([`crate::mesh::weld`]). It goes out: the
 //! component of the largest area, a closed manifold that faces outwards, in the units that were given.
 //!
-//! The largest extent is scaled to 1 on a grid of step h = 1/[`Settings::cells`], of which only a band of bricks near the
-//! surface has values. The offsets are the first of a short list that connects nearly all that is seen from outside.
+//! The largest extent is scaled to 1 on a grid of step h = 1/[`Settings::cells`], or coarser where more than
+//! [`Settings::outer_bricks`] would lie along the outside; only a band of bricks near the surface has values. The offsets are the
+//! first of a short list that connects nearly all that is seen from outside.
 //!
 //! # Sources
 //! Jacobson, Kavan, Sorkine-Hornung 2013 and Barill, Dickson, Schmidt, Levin, Jacobson 2018 (winding number, [`winding`]);
@@ -32,6 +33,7 @@ mod winding;
 use rayon::prelude::*;
 
 pub use field::Offsets;
+pub use settings::Settings;
 pub use visible::visible;
 
 use crate::algebra::vector::Point;
@@ -39,40 +41,12 @@ use crate::error::{Error, Result};
 use crate::watch::progress::Progress;
 use candidate::{Candidate, Seen};
 use field::{Band, Bridges};
+use grid::Grid;
 use pieces::Pieces;
 use place::Triangle;
 use scaled::Scaled;
+use settings::LEAST_CELLS;
 use tree::Tree;
-
-/// How an envelope is made.
-#[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
-    /// Cells along the largest extent.
-    pub cells: usize,
-    /// Offsets that are tried, in this order.
-    pub offsets: Vec<Offsets>,
-    /// Half of the gaps that are bridged, in this order, between parts that stay apart with all offsets.
-    pub bridges: Vec<f64>,
-    /// Share of the visible area that has to be connected.
-    pub connected: f64,
-}
-
-impl Default for Settings {
-    fn default() -> Self {
-        let offsets = |solid, sheet, blend| Offsets {
-            solid,
-            sheet,
-            blend,
-        };
-        Self {
-            // Finer grids of three pairs of humanoids did not map better, at three times the size.
-            cells: 128,
-            offsets: vec![offsets(0.004, 0.006, 0.006), offsets(0.006, 0.006, 0.008)],
-            bridges: vec![0.016, 0.032],
-            connected: 0.99,
-        }
-    }
-}
 
 /// Closed surface around a figure.
 #[derive(Debug, Clone, PartialEq)]
@@ -144,7 +118,6 @@ impl Envelope {
                 .collect(),
             tree: Tree::new(&triangles),
             pieces: pieces.count,
-            step: 1.0 / settings.cells as f32,
         };
         progress.check()?;
         let chosen = figure.chosen(settings, progress)?;
@@ -164,28 +137,61 @@ impl Envelope {
     }
 }
 
+/// The largest of a kind of offset.
+fn largest(offsets: &[Offsets], kind: fn(&Offsets) -> f64) -> f64 {
+    offsets.iter().map(kind).fold(0.0, f64::max)
+}
+
+/// The largest of all offsets.
+fn widest(offsets: &[Offsets]) -> f64 {
+    largest(offsets, |o| o.solid.max(o.sheet).max(o.blend))
+}
+
 /// What an envelope is made of.
 struct Figure {
     tree: Tree,
     seen: Vec<Seen>,
     pieces: usize,
-    step: f32,
 }
 
 impl Figure {
+    /// The grid, and the offsets on it.
+    fn grid_for(&self, settings: &Settings, progress: &Progress) -> Result<(Grid, Vec<Offsets>)> {
+        let made = |cells: f64, offsets: &[Offsets]| {
+            let (step, reach) = (1.0 / cells as f32, widest(offsets) as f32);
+            field::grid_near(&self.tree, step, reach, progress)
+        };
+        let finest = settings.cells as f64;
+        let grid = made(finest, &settings.offsets)?;
+        let coarser = (grid.outer() as f64 / settings.outer_bricks as f64).sqrt();
+        let cells = (finest / coarser).max(LEAST_CELLS as f64);
+        if cells >= finest {
+            return Ok((grid, settings.offsets.clone()));
+        }
+        let coarser = finest / cells;
+        let offsets: Vec<Offsets> = (settings.offsets.iter())
+            .map(|&offsets| Offsets {
+                solid: offsets.solid * coarser,
+                sheet: offsets.sheet * coarser,
+                ..offsets
+            })
+            .collect();
+        Ok((made(cells, &offsets)?, offsets))
+    }
+
     /// Of the offsets that connect enough those with the fewest handles, the first of equal ones; otherwise, with wider
     /// gaps bridged between what is apart with the offsets that connect most, the first that do.
     fn chosen(&self, settings: &Settings, progress: &Progress) -> Result<Option<Candidate>> {
-        let largest = |of: fn(&Offsets) -> f64| settings.offsets.iter().map(of).fold(0.0, f64::max);
+        let (grid, offsets) = self.grid_for(settings, progress)?;
         let narrow = Bridges {
-            blend: largest(|o| o.blend) as f32,
+            blend: largest(&offsets, |o| o.blend) as f32,
             ..Bridges::none(self.pieces)
         };
-        let reach = largest(|o| o.solid.max(o.sheet).max(o.blend)) as f32;
-        let band = Band::of(&self.tree, self.step, reach, &narrow, progress)?;
+        let reach = widest(&offsets) as f32;
+        let band = Band::of(&self.tree, grid, reach, &narrow, progress)?;
         let is_enough = |c: &Candidate| c.kept_share >= settings.connected;
         let mut best: Option<Candidate> = None;
-        for &offsets in &settings.offsets {
+        for &offsets in &offsets {
             let found = Candidate::of(band.level(offsets), offsets, &self.seen, self.pieces);
             progress.check()?;
             let is_better = |found: &Candidate| {
@@ -228,29 +234,6 @@ impl Figure {
     }
 }
 
-impl Settings {
-    fn check(&self) -> Result<()> {
-        let bad = |what: &str| {
-            Err(Error::BadArgument {
-                what: what.to_owned(),
-            })
-        };
-        let is_length = |x: f64| (0.0..0.1).contains(&x);
-        let are_lengths =
-            |o: &Offsets| is_length(o.solid) && is_length(o.sheet) && is_length(o.blend);
-        if !(8..=1024).contains(&self.cells) {
-            return bad("`cells` should be 8 to 1024: give a number of cells in that range");
-        }
-        if !self.bridges.iter().all(|&b| is_length(b)) {
-            return bad("`bridges` should each be 0 to 0.1 of the largest extent");
-        }
-        if self.offsets.is_empty() || !self.offsets.iter().all(are_lengths) {
-            return bad("`offsets` should be one or more, each 0 to 0.1 of the largest extent");
-        }
-        Ok(())
-    }
-}
-
 /// Bytes of a face: twice as a triangle, as two nodes of the tree with their levels, as three edges, as samples of what
 /// is seen, and where it is seen.
 const FACE_BYTES: u64 = 600;
@@ -263,11 +246,10 @@ const BRICK_BYTES: u64 = 4096;
 /// quarter of that for a figure: the bound is that of one that fills its box.
 #[must_use]
 pub fn memory_bound(vertices: u64, faces: u64, settings: &Settings) -> u64 {
-    let widest = |of: fn(&Offsets) -> f64| settings.offsets.iter().map(of).fold(0.0, f64::max);
     let wide = settings.bridges.iter().copied().fold(0.0, f64::max);
-    let largest = widest(|o| o.solid.max(o.sheet).max(o.blend)).max(wide);
     let cells = settings.cells as f64;
-    let bricks = field::points_along(cells, largest) / grid::SIDE as f64 + 1.0;
+    let bricks =
+        field::points_along(cells, widest(&settings.offsets).max(wide)) / grid::SIDE as f64 + 1.0;
     let bricks = bricks.powi(3) as u64;
     (bricks.saturating_mul(BRICK_BYTES))
         .saturating_add(faces.saturating_mul(FACE_BYTES))
@@ -367,6 +349,31 @@ mod tests {
         }
         assert!(reach.fold(0.0, f64::max) < offset + 0.25 / 128.0);
         assert_eq!((made.handles, made.components), (0, 1));
+    }
+
+    #[test]
+    fn more_surface_is_on_a_coarser_grid_on_which_sheets_have_no_holes() {
+        let (cos, sin) = (0.6, 0.8);
+        // Slanting, so that sheets pass between points of the grid in all ways.
+        let turned = |[x, y, z]: Point| {
+            [
+                cos * x - sin * y,
+                cos * (sin * x + cos * y) - sin * z,
+                sin * (sin * x + cos * y) + cos * z,
+            ]
+        };
+        let bin = shapes::open_box([1.0; 3]).mapped(turned);
+        let without_bound = Settings {
+            outer_bricks: usize::MAX,
+            ..Settings::default()
+        };
+        let [coarse, fine] = [made(&bin), with(&bin, &without_bound)];
+        // What surrounds a bent disc is a sphere.
+        for envelope in [&coarse, &fine] {
+            assert_eq!((envelope.handles, envelope.components), (0, 1));
+            assert!(envelope.kept_share > 0.999);
+        }
+        assert!(coarse.vertices.len() < fine.vertices.len());
     }
 
     #[test]

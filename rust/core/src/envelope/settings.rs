@@ -1,6 +1,72 @@
 //! Numbers that steer this stage, each with its reason.
 
+use super::Offsets;
+use crate::error::{Error, Result};
 use crate::settings::settings;
+
+/// How an envelope is made.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Settings {
+    /// Cells along the largest extent. Finer grids of three pairs of humanoids did not map better, at three times the size.
+    pub cells: usize,
+    /// Bricks along the outside at most: a figure with more of them is on a coarser grid. With so many there are some 28,000
+    /// vertices, and maps are sought on 7,000. Slender figures have 1,200, those of four legs 1,900, plump ones with large
+    /// heads up to 4,000.
+    pub outer_bricks: usize,
+    /// Offsets (solid, sheet, blend) that are tried, in this order; on a coarser grid those of solids and sheets are as many of its
+    /// cells. Sheets are found by the grid from half a cell on, and gaps of a hundredth of a person are those between plates.
+    pub offsets: Vec<Offsets>,
+    /// Half of the gaps that are bridged, in this order, between parts that stay apart with all offsets: a head over a collar.
+    pub bridges: Vec<f64>,
+    /// Share of the visible area that has to be connected: the rest is earrings and the like.
+    pub connected: f64,
+}
+
+impl Default for Settings {
+    fn default() -> Self {
+        let offsets = |solid, sheet, blend| Offsets {
+            solid,
+            sheet,
+            blend,
+        };
+        Self {
+            cells: 128,
+            outer_bricks: 2000,
+            offsets: vec![offsets(0.004, 0.006, 0.006), offsets(0.006, 0.006, 0.008)],
+            bridges: vec![0.016, 0.032],
+            connected: 0.99,
+        }
+    }
+}
+
+/// Cells along the largest extent, at least.
+pub(super) const LEAST_CELLS: usize = 8;
+
+impl Settings {
+    pub(super) fn check(&self) -> Result<()> {
+        let bad = |what: &str| {
+            Err(Error::BadArgument {
+                what: what.to_owned(),
+            })
+        };
+        let is_length = |x: f64| (0.0..0.1).contains(&x);
+        let are_lengths =
+            |o: &Offsets| is_length(o.solid) && is_length(o.sheet) && is_length(o.blend);
+        if !(LEAST_CELLS..=1024).contains(&self.cells) {
+            return bad("`cells` should be 8 to 1024: give a number of cells in that range");
+        }
+        if !self.bridges.iter().all(|&b| is_length(b)) {
+            return bad("`bridges` should each be 0 to 0.1 of the largest extent");
+        }
+        if self.outer_bricks == 0 {
+            return bad("`outer_bricks` should be 1 or more");
+        }
+        if self.offsets.is_empty() || !self.offsets.iter().all(are_lengths) {
+            return bad("`offsets` should be one or more, each 0 to 0.1 of the largest extent");
+        }
+        Ok(())
+    }
+}
 
 settings! {
     /// The function whose zero level set is the envelope, sampled near it.

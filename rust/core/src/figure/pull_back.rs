@@ -228,7 +228,7 @@ fn kept_together(
     let (piece, count) = components(own);
     let (source_piece, source_count) = components(given);
     let theirs = members(given, &source_piece, source_count);
-    let theirs: Vec<Option<Piece>> = (theirs.iter())
+    let theirs: Vec<Option<Piece>> = (theirs.par_iter())
         .map(|members| Piece::new(given, members, |p| p))
         .collect::<Result<_>>()?;
     let of_face = |face: u32| source_piece[given.triangles[face as usize][0] as usize];
@@ -238,7 +238,8 @@ fn kept_together(
     }
     let all: f64 = seen.iter().sum();
     let small = largest_small(own);
-    for (piece, seen) in members(own, &piece, count).into_iter().zip(seen) {
+    // Where the vertices of a piece come to lie together; nothing where it stays.
+    let together = |piece: &Members, seen: f64| -> Result<Option<Vec<Option<SurfacePoint>>>> {
         let mut on: Vec<u32> = (piece.0.iter())
             .map(|&v| of_face(sent[v as usize].placed.point.face))
             .collect();
@@ -246,7 +247,7 @@ fn kept_together(
         let places = own.places(&piece.0);
         let is_small = extent(&places).1 <= small;
         if on.first() == on.last() || is_small || seen >= FIGURE.carries_all * all {
-            continue;
+            return Ok(None);
         }
         let count = places.len() as f64;
         let drawn = |run: &[u32]| {
@@ -269,13 +270,18 @@ fn kept_together(
         let mut candidates: Vec<Drawn> = (on.chunk_by(|a, b| a == b)).filter_map(drawn).collect();
         if candidates.len() > 1 || candidates.iter().any(|drawn| !drawn.is_matched()) {
             for drawn in &mut candidates {
-                drawn.lay((own, &piece), given, mirrored)?;
+                drawn.lay((own, piece), given, mirrored)?;
             }
         }
-        let Some(best) = candidates.into_iter().min_by(Drawn::compare) else {
-            continue;
-        };
-        for (&v, point) in piece.0.iter().zip(best.places()) {
+        let best = candidates.into_iter().min_by(Drawn::compare);
+        Ok(best.map(Drawn::places))
+    };
+    let pieces = members(own, &piece, count);
+    let kept: Vec<Option<Vec<Option<SurfacePoint>>>> = (pieces.par_iter().zip(&seen))
+        .map(|(piece, &seen)| together(piece, seen))
+        .collect::<Result<_>>()?;
+    for ((vertices, _), points) in pieces.iter().zip(kept) {
+        for (&v, point) in vertices.iter().zip(points.into_iter().flatten()) {
             let placed = &mut sent[v as usize].placed;
             placed.point = point.unwrap_or(placed.point);
         }
