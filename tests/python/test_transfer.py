@@ -110,8 +110,11 @@ def test_vertices_that_an_exporter_split_move_together(character):
         triangle[given],
         np.eye(3)[corner[given]],
     )
+    carried = [way.displacements(field, keep_contacts=False) for way in (split, closed)]
     # The same sums in another order.
-    np.testing.assert_allclose(split.displacements(field), closed.displacements(field)[given], atol=1e-9)
+    np.testing.assert_allclose(carried[0], carried[1][given], atol=1e-9)
+    # What contacts are corrected by is solved to a residual of 1e-6, of displacements of size 1.
+    np.testing.assert_allclose(split.displacements(field), closed.displacements(field)[given], atol=1e-5)
 
 
 def test_what_a_key_brings_together_meets_on_a_wider_body():
