@@ -51,7 +51,8 @@ def fit_actions(fitting: Fitting, fresh: bool) -> Iterator[float]:
     for number, user in enumerate(users):
         yield number / len(users)
         _fit(user, fitting, animated)
-    fitting.own.update_tag()
+    # The pose at the scene's frame as well, which Blender works out anew at another frame only.
+    fitting.own.update_tag(refresh={"OBJECT", "DATA", "TIME"})
 
 
 def keep_actions(fitting: Fitting, fresh: bool) -> Iterator[float]:
