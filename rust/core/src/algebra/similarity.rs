@@ -165,6 +165,7 @@ mod tests {
     use faer::{Mat, Side};
 
     use super::*;
+    use crate::testing::fractions;
 
     #[test]
     fn a_turn_and_a_mirror_come_back() {
@@ -185,13 +186,8 @@ mod tests {
     /// ones another may be taken.
     #[test]
     fn turns_are_as_good_as_those_of_a_dense_decomposition() {
-        let mut state = 1u64;
-        let mut random = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            (state >> 11) as f64 / (1u64 << 52) as f64 - 1.0
-        };
+        let mut fraction = fractions(1);
+        let mut random = || 2.0 * f64::from(fraction()) - 1.0;
         for round in 0..1000 {
             let mut rows = [[0.0; 4]; 4];
             for i in 0..4 {

@@ -343,6 +343,7 @@ fn area(a: [f64; 2], b: [f64; 2], c: [f64; 2]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::testing::draws;
 
     /// A star whose every second corner is hollow, in the plane x + y + z = 0.
     fn star(corners: usize) -> Vec<[f64; 3]> {
@@ -411,13 +412,8 @@ mod tests {
     #[test]
     fn crossing_everywhere_ends_soon_and_can_be_stopped() {
         // Corners by a multiplicative generator, far from each other: hardly one is an ear.
-        let mut state = 1_u64;
-        let mut next = || {
-            state = state
-                .wrapping_mul(6_364_136_223_846_793_005)
-                .wrapping_add(1);
-            (state >> 33) as f64
-        };
+        let mut draw = draws(1);
+        let mut next = || f64::from(draw());
         let vertices: Vec<[f64; 3]> = (0..3000).map(|_| [next(), next(), 0.0]).collect();
         let corners: Vec<i64> = (0..3000).collect();
         let found = triangulate(&vertices, &corners, &[3000], &|| Ok(())).unwrap();
