@@ -112,7 +112,7 @@ def main():
     parser.add_argument("--output-dir", type=Path, default=ROOT / "dist")
     parser.add_argument("--website", default=os.environ.get("SPECTRAL_MATCH_WEBSITE"), metavar="URL")
     options = parser.parse_args()
-    wheel = options.wheel or build_wheel(ROOT / "dist", options.profile)
+    wheel = options.wheel or build_wheel(options.output_dir, options.profile)
     print(build(wheel.resolve(), options.output_dir, options.website))
 
 

@@ -55,28 +55,27 @@ os._exit(0)  # see conftest.py on the end of Blender 4.2
 """
 
 
-@pytest.fixture(scope="session")
-def extension(tmp_path_factory):
-    """The zip, built from this tree with the core as it is tested, which is there but for its binding."""
-    folder = tmp_path_factory.mktemp("dist")
-    build = [sys.executable, str(ROOT / ".ci" / "build_extension.py"), "--profile", "develop"]
-    subprocess.run([*build, "--output-dir", str(folder)], check=True)
-    return next(folder.glob("spectral_match-*.zip"))
+@pytest.fixture(scope="module")
+def build_extension():
+    spec = importlib.util.spec_from_file_location("build_extension", ROOT / ".ci" / "build_extension.py")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def test_zip_holds_the_addon_and_one_wheel(extension):
-    names = zipfile.ZipFile(extension).namelist()
+def test_zip_holds_the_addon_and_one_wheel(build_extension, tmp_path):
+    wheel = tmp_path / "sgmds-0.1.0-cp311-abi3-manylinux_2_28_x86_64.whl"
+    wheel.write_bytes(b"the core")
+    archive = zipfile.ZipFile(build_extension.build(wheel, tmp_path / "dist"))
+    names = archive.namelist()
     assert "blender_manifest.toml" in names and "__init__.py" in names
-    wheels = [name for name in names if name.endswith(".whl")]
-    assert len(wheels) == 1 and "abi3" in wheels[0]
+    assert [name for name in names if name.endswith(".whl")] == [f"wheels/{wheel.name}"]
+    assert archive.read(f"wheels/{wheel.name}") == b"the core"
     assert not [name for name in names if "__pycache__" in name or "numpy" in name]
     assert {"LICENSE", "THIRD_PARTY_NOTICES.txt"} <= set(names)
 
 
-def test_website_of_a_release_is_where_the_manual_is(tmp_path, monkeypatch):
-    spec = importlib.util.spec_from_file_location("build_extension", ROOT / ".ci" / "build_extension.py")
-    build_extension = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(build_extension)
+def test_website_of_a_release_is_where_the_manual_is(build_extension, tmp_path):
     wheel = tmp_path / "sgmds-0.1.0-cp311-abi3-manylinux_2_28_x86_64.whl"
     for website in (None, "https://example.org/manual/"):
         manifest = tomllib.loads(build_extension.manifest_for(wheel, website))
@@ -101,7 +100,13 @@ def test_manual_has_a_page_for_every_button():
     assert buttons - silent == known
 
 
-def test_zip_works_in_an_empty_user_folder(extension, tmp_path):
+def test_zip_works_in_an_empty_user_folder(tmp_path):
+    # Built from this tree with the core as it is tested, which is there but for its binding.
+    build = [sys.executable, str(ROOT / ".ci" / "build_extension.py"), "--profile", "develop"]
+    subprocess.run([*build, "--output-dir", str(tmp_path)], check=True)
+    extension = next(tmp_path.glob("spectral_match-*.zip"))
+    wheel = next(tmp_path.glob("sgmds-*.whl"))
+    assert "abi3" in wheel.name
     user = tmp_path / "user"
     user.mkdir()
     script = INSTALL_AND_USE.format(user=str(user), zip=str(extension))
