@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from ..mesh_write import image_points
-from ..similarity import similarity
+from ..similarity import moved, similarity
 from ..typed import Flags, Floats, Integers
 from .sides import flip_name
 from .weights import read_weights
@@ -19,7 +19,7 @@ from .weights import read_weights
 if TYPE_CHECKING:
     from .route import Route
 
-# Images and vertices of the target, and the turn and scale between them all.
+# Images and vertices of the target, and the turn and scale between the bodies.
 WholeBody = tuple[Floats, Floats, Floats, float]
 
 # Ends of bones nearer than this share of the rig's size are one joint.
@@ -30,6 +30,10 @@ FEWEST_VERTICES, LEAST_WEIGHT = 3, 0.01
 MOST_GROWTH = 2.0
 # Cosine from which on two bones with one head run along each other.
 PARALLEL = 0.99999
+# Weight of the surface's turns around the joints beside the joints' places, as a share of the rig's size.
+AXES_COUNT = 0.1
+# Weighted least squares until the sum of distances settles (Weiszfeld, Tohoku Mathematical Journal 43, 1937).
+REWEIGHTED = 30
 # What stands near to a root, as a share of the rig's size.
 SURROUNDINGS = 0.05
 # A joint of bones without a side lies in the mirror if fitted nearer to it than this share of the rig's size.
@@ -94,6 +98,7 @@ def fitted_bones(route: Route, rig: bpy.types.Object) -> dict[str, Placed]:
     if len(route.target_mirrors) == 1:
         partner = _partners(bones, known)
         found = _on_both_halves(route, bones.places[known], partner, bones.turned_over, found)
+    body = _whole_body(route, bones, bones.places[known], found)
     joints = {joint: values for joint, *values in zip(np.flatnonzero(known).tolist(), *found, strict=True)}
     settled = {joint: np.array(position) for joint, (position, _, _) in joints.items()}
     placed = {}
@@ -101,7 +106,7 @@ def fitted_bones(route: Route, rig: bpy.types.Object) -> dict[str, Placed]:
         head, tail = bones.joint[number].tolist()
         if head in joints and tail in joints and head != tail:
             placed[bone.name] = _between(bones, number, joints[head], settled[tail])
-    _place_others(route, bones, placed, settled)
+    _place_others(body, bones, placed, settled)
     return placed
 
 
@@ -130,9 +135,11 @@ def _turned(axes: Floats, before: Floats, turn: Floats) -> Floats:
     return axes @ np.diag((np.sign(np.linalg.det(turn)), 1.0, 1.0)) @ before.T
 
 
-def _place_others(route: Route, bones: _Bones, placed: dict[str, Placed], settled: dict[int, Floats]) -> None:
+def _place_others(
+    body: WholeBody, bones: _Bones, placed: dict[str, Placed], settled: dict[int, Floats]
+) -> None:
     """Place the bones that are not yet, each by one that is; joints that are `settled` stay."""
-    led, whole = _led(bones.rig), None
+    led = _led(bones.rig)
     pending = [bone for bone in bones.list if bone.name not in placed]
     pending.sort(key=lambda bone: len(bone.parent_recursive))
     while pending:
@@ -148,8 +155,7 @@ def _place_others(route: Route, bones: _Bones, placed: dict[str, Placed], settle
             bone = left.pop(0)
             by = next((above.name for above in bone.parent_recursive if above.name in placed), None)
             if by is None:
-                whole = whole or _whole_body(route)
-                placed[bone.name] = _with_body(bones, bone, whole, settled)
+                placed[bone.name] = _with_body(bones, bone, body, settled)
             else:
                 placed[bone.name] = _beside(bones, placed[by], bones.number[by], bone, settled)
         pending = left
@@ -241,15 +247,29 @@ def _settle(
     return Placed(begin, end, axes, _turned(axes, bones.axes[own], turn), scale, firm)
 
 
-def _whole_body(route: Route) -> WholeBody:
-    """Images and vertices of the target, and the similarity between them all: its turn and scale."""
-    target = route.target_points @ route.target_stretch
-    points = route.source_points @ route.source_stretch
-    images = image_points(points, route.triangles, route.face, route.barycentric)
-    mirrored = bool(np.linalg.det(route.map_as_seen.frames[0][0]) < 0.0)
-    turn = similarity(images, target, mirrored=mirrored)[:3, :3]
+def _whole_body(
+    route: Route, bones: _Bones, places: Floats, fitted: tuple[Floats, Floats, Floats]
+) -> WholeBody:
+    """Images and vertices of the target, and the turn and scale between the joints as they were and are.
+
+    By the least sum of distances, not of squares: what one of the two carries or wears, and arms that hang on
+    one and are stretched out on the other, turn no body.
+    """
+    images = image_points(
+        route.source_points @ route.source_stretch, route.triangles, route.face, route.barycentric
+    )
+    positions, turns, scales = (np.asarray(values) for values in fitted)
+    size = AXES_COUNT * bones.size
+    before = np.concatenate([places, *(places + size * axis for axis in np.eye(3))])
+    after = [positions + size * scales[:, None] * turns[:, :, k] for k in range(3)]
+    mirrored = bool(np.linalg.det(turns[0]) < 0.0)
+    aims, weights = np.concatenate([positions, *after]), np.ones(len(before))
+    for _ in range(REWEIGHTED):
+        found = similarity(before, aims, weights, mirrored)
+        weights = 1.0 / (np.linalg.norm(moved(before, found) - aims, axis=1) + SAME_JOINT * bones.size)
+    turn = found[:3, :3]
     scale = float(np.cbrt(abs(np.linalg.det(turn))))
-    return images, target, turn / scale, scale
+    return images, route.target_points @ route.target_stretch, turn / scale, scale
 
 
 def _with_body(bones: _Bones, bone: bpy.types.Bone, whole: WholeBody, settled: dict[int, Floats]) -> Placed:
