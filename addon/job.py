@@ -6,7 +6,7 @@ from __future__ import annotations
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -170,13 +170,15 @@ class Job:
 class MatchJob(Job):
     """Match one source surface to several targets: `results` and `failures` have them all in the end.
 
-    `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex).
+    `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex), `left_out` that of the
+    source and of each target to the session ids of the character's meshes that take no part.
     """
 
     source: Surface
     targets: list[Surface]
     options: MatchOptions
     landmarks: Mapping[int, Iterable[tuple[int, int]]] = field(default_factory=dict)
+    left_out: Mapping[int, Sequence[int]] = field(default_factory=dict)
     results: list[Matched] = field(default_factory=list, init=False)
     failures: list[Failed] = field(default_factory=list, init=False)
 
