@@ -15,7 +15,7 @@ from .typed import EnumItem
 
 
 class VIEW3D_PT_spectral_match_message(SubPanel, Panel):
-    """The result above stays where it is when this comes and goes; while work runs it does neither."""
+    """The result above stays where it is when this comes and goes."""
 
     bl_label = "Notes"
     bl_options = {"HIDE_HEADER"}

@@ -177,25 +177,29 @@ class Running(running.JobOperator):
 
 
 @pytest.mark.parametrize("step", ["", *notice.BESIDE])
-def test_what_was_said_stays_while_work_runs(bodies, step):
-    """The panel is as high as before until the end, also beside the buttons that say so themselves."""
+def test_what_was_said_goes_when_work_begins(bodies, monkeypatch, step):
+    """That an earlier one was stopped, or what it brought; beside a button that says so itself that alone."""
     context = SimpleNamespace(
-        region=None,
-        window_manager=SimpleNamespace(windows=[]),
+        region=SimpleNamespace(type="UI"),
+        window=None,
+        window_manager=SimpleNamespace(
+            windows=[],
+            event_timer_add=lambda *_given, **_more: None,
+            modal_handler_add=lambda _operator: None,
+        ),
         workspace=SimpleNamespace(status_text_set=lambda _words: None),
     )
+    monkeypatch.setattr(running, "bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
     for told in (["A doubt"], []):
-        going = Running()
-        going.told, going._button, going.said_at = told, step, step
-        going._timer, going._shown, going._beginning = None, "", going.begin(context)
-        going._take_up(job.Job())
-        notice.say("Above")
-        notice.say("Earlier", step=step)
-        before = notice.words, dict(notice.beside)
+        going = type("Going", (Running,), {"bl_idname": step, "told": told})()
+        notice.finish(bpy.context, lambda: "Done", ["Above"])
+        notice.say("Stopped", "INFO", step)
+        assert going.invoke(context, None) == {"RUNNING_MODAL"}
         tick = SimpleNamespace(type="TIMER", value="NOTHING")
         for _ in range(5):
+            assert (notice.words, notice.beside) == ("Above" if step else "", {})
+            assert (notice.done is None) == (not step) and job.current.button == step
             going._follow(context, tick)
-            assert (notice.words, notice.beside) == before and job.current.button == step
         going.work.set()
         job.current.wait()
         assert going._follow(context, tick) == {"FINISHED"}
