@@ -216,6 +216,11 @@ MESSAGES = (
         "'{}' 尚未匹配。请先按“匹配”",
     ),
     (
+        "This came with map {}. To use map {}, press Transfer",
+        "これはマップ {} の結果です。マップ {} を使うには「転送」を押します",
+        "这是映射 {} 的结果。要使用映射 {},请按“传递”",
+    ),
+    (
         "'{}' was matched with '{}': match again or choose that one as source",
         "'{}' は '{}' とマッチされています。再マッチするか、それを転送元にしてください",
         "'{}' 是与 '{}' 匹配的:请重新匹配,或选后者为来源",

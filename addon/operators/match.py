@@ -233,7 +233,7 @@ class MatchOperator(JobOperator):
             return self.fail("\n".join(trouble))
         if brought.names:
             show.show_after_transfer(context, stored, brought)
-            notice.finish(context, partial(done_words, brought, many), trouble)
+            notice.finish(context, stored, partial(done_words, brought, many), trouble)
         else:
             show.show_after_match(context, stored)
             self.warn(trouble)
