@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 # The core's stages in an artist's words; one that is not here is shown by its own name.
 STAGE_WORDS = {
     "reading": "Reading",
-    "simplification": "Simplifying the mesh",
+    "simplification": "Reducing the mesh",
     "operator": "Looking at the surface",
     "eigenpairs": "Learning the shape",
     "sampling": "Choosing points",
     "geodesics": "Measuring distances",
     "distance operator": "Measuring distances",
-    "envelope": "Closing the figure",
+    "envelope": "Wrapping all pieces",
     "landmarks": "Following landmarks",
     "search": "Searching maps",
     "functional map": "Searching maps",

@@ -285,9 +285,9 @@ MESSAGES = (
     ("Stopped.", "停止しました。", "已停止。"),
     ("Matched {} in {} s: {}", "{} をマッチしました({} 秒): {}", "已匹配 {},用时 {} 秒:{}"),
     (
-        "Matched {} in {} s, {} sure: {}",
+        "Matched {} in {} s, confidence {}: {}",
         "{} をマッチしました({} 秒、確実さ {}): {}",
-        "已匹配 {},用时 {} 秒,把握 {}:{}",
+        "已匹配 {},用时 {} 秒,置信度 {}:{}",
     ),
     ("{}, left and right swapped", "{}(左右を交換)", "{}(左右已交换)"),
     ("Matched {} of {} meshes", "メッシュ {1} 個中 {0} 個をマッチしました", "已匹配 {1} 个网格中的 {0} 个"),
@@ -1059,11 +1059,21 @@ MESSAGES = (
     ),
     (
         "another map fits better: this is an alternative",
-        "より合うマップがあります: これは候補",
-        "另有更合适的映射:此为候选",
+        "より合うマップがあります: これは比較用",
+        "另有更合适的映射:此为比较用",
+    ),
+    (
+        "another map fits better: this is one to compare",
+        "より合うマップがあります: これは比較用",
+        "另有更合适的映射:此为比较用",
     ),
     (
         "other maps fit almost as well: compare the alternatives or set a landmark",
+        "他のマップも同程度に合います: 比べるか、ランドマークを設定",
+        "其他映射几乎同样合适:请比较或设置标志点",
+    ),
+    (
+        "other maps fit almost as well: compare the maps or add landmarks",
         "他のマップも同程度に合います: 比べるか、ランドマークを設定",
         "其他映射几乎同样合适:请比较或设置标志点",
     ),
@@ -1074,8 +1084,13 @@ MESSAGES = (
     ),
     (
         "left and right are hard to tell apart (orientation {}): try the next alternative",
-        "左右の区別が困難(向き {}): 次の候補を試す",
-        "左右难以分辨(朝向 {}):请试下一候选",
+        "左右の区別が困難(向き {}): 次のマップを試す",
+        "左右难以分辨(朝向 {}):请试下一映射",
+    ),
+    (
+        "left and right are hard to tell apart (orientation {}): try the next map",
+        "左右の区別が困難(向き {}): 次のマップを試す",
+        "左右难以分辨(朝向 {}):请试下一映射",
     ),
     (
         "the surface turns in places (orientation {})",

@@ -371,9 +371,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         head.alert = stored.grade == "red"
         reasons, sure = stored.reasons.splitlines(), stored.mean_confidence
         head.label(text=wording.of(stored), icon=GRADE_ICONS.get(stored.grade, "QUESTION"))
-        # A map may hang together everywhere and lead to the wrong side, of which nobody is sure.
-        share, good = f"{sure:.0%}", stored.grade == "green"
-        box.progress(factor=sure, text=said("{} sure", share) if good else said("{} consistent", share))
+        box.progress(factor=sure, text=said("Confidence {}", f"{sure:.0%}"))
         if stored.swapped_sides:
             draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
         for reason in wording.plain(reasons):
@@ -383,7 +381,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
             draw_words(context, box, now.words, "INFO", boxed=True)
             remedy.draw(box, now.words)
         if fold(box, "open_details", "Details"):
-            for words in (*reasons, said("matched in {} s", f"{stored.seconds:.1f}")):
+            for words in (*wording.details(reasons), said("matched in {} s", f"{stored.seconds:.1f}")):
                 draw_words(context, box, words[:1].upper() + words[1:], boxed=True, dim=True)
 
     @staticmethod

@@ -67,6 +67,24 @@ def plain(reasons: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(found))
 
 
+# What the core calls an alternative, and the panel a map.
+MAPS = (
+    ("this is an alternative", "this is one to compare"),
+    ("compare the alternatives or set a landmark", "compare the maps or add landmarks"),
+    ("try the next alternative", "try the next map"),
+)
+
+
+def details(reasons: Iterable[str]) -> list[str]:
+    """The core's reasons in its own terms, but for its word for a map."""
+    found = []
+    for reason in reasons:
+        for theirs, ours in MAPS:
+            reason = reason.replace(theirs, ours)
+        found.append(reason)
+    return found
+
+
 # What the core says of a failure in its own terms, and an artist's words for it.
 FAILURES = (
     (r"the Laplace operator could not be factorised", "the surface could not be measured"),

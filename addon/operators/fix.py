@@ -86,7 +86,7 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
     """Take the next of the maps that the match found. Useful when limbs, or front and back, are exchanged"""
 
     bl_idname = "spectral_match.alternative"
-    bl_label = "Next Alternative"
+    bl_label = "Other Map"
     bl_options = {"UNDO"}
 
     step: IntProperty(name="Step", default=1, description="1 for the next map, -1 for the previous one")

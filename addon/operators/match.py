@@ -263,7 +263,7 @@ def summary(targets: Sequence[bpy.types.Object], wanted: int, transferred: bool,
         verdict = f"{verdict}, left and right swapped"
     if stored.grade != "green":
         return f"Matched {name} in {stored.seconds:.1f} s: {verdict}"
-    return f"Matched {name} in {stored.seconds:.1f} s, {stored.mean_confidence:.0%} sure: {verdict}"
+    return f"Matched {name} in {stored.seconds:.1f} s, confidence {stored.mean_confidence:.0%}: {verdict}"
 
 
 class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
