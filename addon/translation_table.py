@@ -298,7 +298,7 @@ TABLE = (
     ("None", "なし", "无"),
     ("No name with these letters", "該当する名前なし", "没有匹配的名称"),
     ("Carry Over", "転送する", "传递"),
-    ("Hide What Is in the Way", "邪魔なものを隠す", "隐藏碍事的部分"),
+    ("Hide or Show What Is in the Way", "邪魔なものを隠す / 表示", "隐藏或显示碍事的部分"),
     ("Choose All or None", "すべて選択/解除", "全选或全不选"),
     ("Kinds", "種類", "种类"),
     ("Items", "項目", "项目"),
