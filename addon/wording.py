@@ -34,12 +34,12 @@ PLAIN = (
 )
 # What tells of a transfer how it was done; all else that it notes needs a look.
 TOLD = (
-    "that both its rig and the source's have are kept",
+    "stay beside the new ones, in groups of their own",
     "came beside it as",
     "Its own stay in its slots",
     "was replaced: it stays in the scene",
-    "What hung on its bones follows the new rig",
-    "Weights went to bones that hold the same",
+    "hung on the old rig and follow the new one now",
+    "Weights went to bones at the same places",
     "was not fitted",
     "locked vertex groups of",
     "were split along seams",
