@@ -244,9 +244,11 @@ class VIEW3D_UL_spectral_match_target_pieces(PiecesList):
 
 
 class VIEW3D_PT_spectral_match_pieces(SubPanel, Panel):
+    """Below the result, which the two lists would push out of the window."""
+
     bl_label = "Pieces"
     bl_options = {"DEFAULT_CLOSED"}
-    bl_order = 0
+    bl_order = 1
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -522,10 +524,10 @@ CLASSES = (
     VIEW3D_UL_spectral_match_target_pieces,
     VIEW3D_PT_spectral_match_presets,
     VIEW3D_PT_spectral_match,
-    VIEW3D_PT_spectral_match_pieces,
     VIEW3D_PT_spectral_match_options,
     VIEW3D_PT_spectral_match_result,
     *notes_panel.CLASSES,
+    VIEW3D_PT_spectral_match_pieces,
     VIEW3D_PT_spectral_match_fix,
     *transfer_panel.CLASSES,
     *outfit_panel.CLASSES,

@@ -290,6 +290,8 @@ def test_messages_come_and_go_below_the_result(bodies):
     order = [cls.bl_order for cls in panels.CLASSES if hasattr(cls, "bl_order")]
     above = panels.CLASSES[: panels.CLASSES.index(message)]
     assert order == sorted(order) and panels.VIEW3D_PT_spectral_match_result in above
+    # The lists of pieces are long.
+    assert panels.VIEW3D_PT_spectral_match_pieces not in above
 
     def height():
         shown = (panels.VIEW3D_PT_spectral_match, panels.VIEW3D_PT_spectral_match_result)
