@@ -6,7 +6,7 @@ from __future__ import annotations
 import threading
 import time
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 # The core's stages in an artist's words; one that is not here is shown by its own name.
 STAGE_WORDS = {
     "reading": "Reading",
-    "simplification": "Simplifying the mesh",
+    "simplification": "Reducing the mesh",
     "operator": "Looking at the surface",
     "eigenpairs": "Learning the shape",
     "sampling": "Choosing points",
     "geodesics": "Measuring distances",
     "distance operator": "Measuring distances",
-    "envelope": "Closing the figure",
+    "envelope": "Wrapping all pieces",
     "landmarks": "Following landmarks",
     "search": "Searching maps",
     "functional map": "Searching maps",
@@ -170,13 +170,15 @@ class Job:
 class MatchJob(Job):
     """Match one source surface to several targets: `results` and `failures` have them all in the end.
 
-    `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex).
+    `landmarks` maps a target's `object_uid` to pairs (source vertex, target vertex), `left_out` that of the
+    source and of each target to the session ids of the character's meshes that take no part.
     """
 
     source: Surface
     targets: list[Surface]
     options: MatchOptions
     landmarks: Mapping[int, Iterable[tuple[int, int]]] = field(default_factory=dict)
+    left_out: Mapping[int, Sequence[int]] = field(default_factory=dict)
     results: list[Matched] = field(default_factory=list, init=False)
     failures: list[Failed] = field(default_factory=list, init=False)
 

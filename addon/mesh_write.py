@@ -258,6 +258,27 @@ def _write_colour(mesh: bpy.types.Mesh, values: Floats) -> None:
 
 
 HEAT = "match_heat"
+# What `write_match` and `write_heat` make: the map, and what it is shown by.
+MAP = ("match_position", "match_face", "match_barycentric", PIECE, MATCH_IMAGE, "match_confidence")
+SHOWN = ("match_color", HEAT)
+
+
+def remove_attributes(mesh: bpy.types.Mesh, names: Iterable[str]) -> None:
+    """Remove those of these attributes that the mesh has."""
+    for name in names:
+        if name in mesh.attributes:
+            mesh.attributes.remove(mesh.attributes[name])
+    mesh.update()
+
+
+def forget_match(mesh: bpy.types.Mesh) -> None:
+    """Take away the match that `write_match` gave to a target's mesh, but for its colours."""
+    remove_attributes(mesh, MAP)
+    mesh.property_unset("spectral_match")
+    for obj in bpy.data.objects:
+        if obj.data == mesh and obj.is_editable:
+            obj.spectral_match_source = None
+            obj.spectral_match_pieces.clear()
 
 
 def write_heat(mesh: bpy.types.Mesh, shares: Floats) -> None:

@@ -216,6 +216,11 @@ MESSAGES = (
         "'{}' 尚未匹配。请先按“匹配”",
     ),
     (
+        "This came with map {}. To use map {}, press Transfer",
+        "これはマップ {} の結果です。マップ {} を使うには「転送」を押します",
+        "这是映射 {} 的结果。要使用映射 {},请按“传递”",
+    ),
+    (
         "'{}' was matched with '{}': match again or choose that one as source",
         "'{}' は '{}' とマッチされています。再マッチするか、それを転送元にしてください",
         "'{}' 是与 '{}' 匹配的:请重新匹配,或选后者为来源",
@@ -280,9 +285,9 @@ MESSAGES = (
     ("Stopped.", "停止しました。", "已停止。"),
     ("Matched {} in {} s: {}", "{} をマッチしました({} 秒): {}", "已匹配 {},用时 {} 秒:{}"),
     (
-        "Matched {} in {} s, {} sure: {}",
+        "Matched {} in {} s, confidence {}: {}",
         "{} をマッチしました({} 秒、確実さ {}): {}",
-        "已匹配 {},用时 {} 秒,把握 {}:{}",
+        "已匹配 {},用时 {} 秒,置信度 {}:{}",
     ),
     ("{}, left and right swapped", "{}(左右を交換)", "{}(左右已交换)"),
     ("Matched {} of {} meshes", "メッシュ {1} 個中 {0} 個をマッチしました", "已匹配 {1} 个网格中的 {0} 个"),
@@ -439,19 +444,20 @@ MESSAGES = (
         "'{1}' 的 {0} 个锁定顶点组保持不变",
     ),
     (
-        "{} vertices of '{}' were filled from their neighbours: see the attribute {}",
-        "'{1}' の頂点 {0} 個は周囲から補いました(属性 {2})",
-        "'{1}' 的 {0} 个顶点由邻近顶点填补:见属性 {2}",
+        "{} vertices of '{}' had no sure match and got the weights of their neighbors. The attribute {} "
+        "marks them",
+        "'{1}' の頂点 {0} 個は対応が不確実なため、周囲のウェイトを使いました。属性 {2} が示します",
+        "'{1}' 的 {0} 个顶点没有可靠的对应,使用了邻近顶点的权重。属性 {2} 标出它们",
     ),
     (
-        "'{}' keeps its rig '{}'. Weights went to bones that hold the same: {}",
-        "'{}' は自身のリグ '{}' を維持します。同じ箇所を持つボーンへウェイトを移しました: {}",
-        "'{}' 保留其绑定 '{}'。权重已移至控制相同部位的骨骼:{}",
+        "'{}' keeps its rig '{}'. Weights went to bones at the same places: {}",
+        "'{}' は自身のリグ '{}' を維持します。同じ箇所のボーンへウェイトを移しました: {}",
+        "'{}' 保留其绑定 '{}'。权重已移至相同部位的骨骼:{}",
     ),
     (
-        "Groups of '{}' that both its rig and the source's have are kept: {}",
-        "'{}' のうち両方のリグにあるグループは維持されました: {}",
-        "'{}' 中双方绑定共有的组已保留:{}",
+        "The old weights of '{}' stay beside the new ones, in groups of their own: {}",
+        "'{}' の元のウェイトは、新しいものとは別のグループに残しました: {}",
+        "'{}' 的原有权重保留在单独的顶点组中,与新权重并存:{}",
     ),
     (
         "'{}' has no vertex group '{}' for the mask. Choose another one or none",
@@ -474,16 +480,15 @@ MESSAGES = (
         "组后再次传递",
     ),
     (
-        "Mirror Names found no name of the other side for these, which were left as they are: {}. "
-        "Rename them where they are of one side",
+        "Mirror Names found no other side for these names, which stay: {}. Rename those that are of one side",
         "「名前を左右反転」で反対側の名前が見つからず、そのままにしました: {}。片側のものは名前を変えて"
         "ください",
         "“镜像名称”未找到这些名称的另一侧,保持不变:{}。若属于一侧,请重命名",
     ),
     (
-        "Shape keys are masked by groups that '{}' lacks, unless these are carried too: {}",
-        "シェイプキーのマスクに '{}' にないグループがあります(転送すれば使えます): {}",
-        "形态键以 '{}' 缺少的组为遮罩,除非一并传递:{}",
+        "Masks of shape keys need groups that '{}' lacks: {}. Carry these groups too",
+        "シェイプキーのマスクに必要なグループが '{}' にありません: {}。そのグループも転送してください",
+        "形态键的遮罩需要 '{}' 缺少的顶点组:{}。请一并传递这些组",
     ),
     (
         "The shape keys of '{}' are absolute; only relative ones can be carried, and only beside "
@@ -726,11 +731,11 @@ MESSAGES = (
         "'{1}' 的绑定 '{0}' 已被替换:它隐藏保留在场景中,骨架修改器已关闭",
     ),
     (
-        "The rig '{}' of '{}' was replaced, but still moves what was left out. To bring that too, undo, "
-        "check it under Pieces and match again: {}",
-        "'{1}' のリグ '{0}' を置き換えましたが、除外したものはまだそれで動きます。含めるには取り消し、"
-        "「パーツ」でチェックして再マッチしてください: {2}",
-        "'{1}' 的绑定 '{0}' 已被替换,但仍带动未参与的部分。如要一并带上,请撤销,在“部件”中勾选并重新匹配:{2}",
+        "The old rig '{}' of '{}' still moves what was left out: {}. To bring that too, undo, check it "
+        "under Pieces and match again",
+        "除外したものは '{1}' の元のリグ '{0}' でまだ動きます: {2}。含めるには取り消し、「パーツ」で"
+        "チェックして再マッチしてください",
+        "'{1}' 的原有绑定 '{0}' 仍带动未参与的部分:{2}。如要一并带上,请撤销,在“部件”中勾选并重新匹配",
     ),
     (
         "'{}' has no bones. Add bones to it, or leave it unchecked",
@@ -751,9 +756,9 @@ MESSAGES = (
         "'{}' 保留其绑定 '{}':{} 未适配",
     ),
     (
-        "What hung on its bones follows the new rig: {}",
-        "ボーンに付いていたものは新しいリグに従います: {}",
-        "原挂在其骨骼上的物体现跟随新绑定:{}",
+        "These hung on the old rig and follow the new one now: {}",
+        "元のリグに付いていたものは新しいリグに従います: {}",
+        "原挂在旧绑定上的物体现跟随新绑定:{}",
     ),
     (
         "Metaballs, point clouds and particle hair cannot follow the target: {}",
@@ -761,10 +766,11 @@ MESSAGES = (
         "融球、点云和粒子毛发无法跟随目标:{}",
     ),
     (
-        "Constraints that are off, would move the copies away, or look at what the target does not have "
-        "were left: {}",
-        "オフのもの、コピーを動かしてしまうもの、転送先にないものを見るコンストレイントは除きました: {}",
-        "以下约束已略过(已关闭、会移走副本,或引用目标没有的内容):{}",
+        "These constraints were not copied. They are off, would move the copies away, or need something "
+        "that the target lacks: {}",
+        "次のコンストレイントはコピーしていません。オフか、コピーを動かしてしまうか、転送先にないものを"
+        "使います: {}",
+        "以下约束未复制:已关闭、会移走副本,或需要目标没有的内容:{}",
     ),
     (
         "Modifiers have to be bound again on the copies: {}",
@@ -772,14 +778,14 @@ MESSAGES = (
         "副本上的修改器需要重新绑定:{}",
     ),
     (
-        "Drivers that look at what '{}' lacks were left: {}",
-        "'{}' にないものを見るドライバーは除きました: {}",
-        "引用 '{}' 缺少内容的驱动器已略过:{}",
+        "'{}' lacks what these drivers need, so they were not copied: {}",
+        "'{}' にないものを使うため、次のドライバーはコピーしていません: {}",
+        "'{}' 缺少以下驱动器所需的内容,因此未复制:{}",
     ),
     (
-        "Constraints and drivers that look at what '{}' lacks were left: {}",
-        "'{}' にないものを見るコンストレイントとドライバーは除きました: {}",
-        "引用 '{}' 缺少内容的约束和驱动器已略过:{}",
+        "'{}' lacks what these constraints and drivers need, so they were not copied: {}",
+        "'{}' にないものを使うため、次のコンストレイントとドライバーはコピーしていません: {}",
+        "'{}' 缺少以下约束和驱动器所需的内容,因此未复制:{}",
     ),
     (
         "Attribute '{}' is of another type on other meshes of the source: it is left out",
@@ -1054,11 +1060,21 @@ MESSAGES = (
     ),
     (
         "another map fits better: this is an alternative",
-        "より合うマップがあります: これは候補",
-        "另有更合适的映射:此为候选",
+        "より合うマップがあります: これは比較用",
+        "另有更合适的映射:此为比较用",
+    ),
+    (
+        "another map fits better: this is one to compare",
+        "より合うマップがあります: これは比較用",
+        "另有更合适的映射:此为比较用",
     ),
     (
         "other maps fit almost as well: compare the alternatives or set a landmark",
+        "他のマップも同程度に合います: 比べるか、ランドマークを設定",
+        "其他映射几乎同样合适:请比较或设置标志点",
+    ),
+    (
+        "other maps fit almost as well: compare the maps or add landmarks",
         "他のマップも同程度に合います: 比べるか、ランドマークを設定",
         "其他映射几乎同样合适:请比较或设置标志点",
     ),
@@ -1069,8 +1085,13 @@ MESSAGES = (
     ),
     (
         "left and right are hard to tell apart (orientation {}): try the next alternative",
-        "左右の区別が困難(向き {}): 次の候補を試す",
-        "左右难以分辨(朝向 {}):请试下一候选",
+        "左右の区別が困難(向き {}): 次のマップを試す",
+        "左右难以分辨(朝向 {}):请试下一映射",
+    ),
+    (
+        "left and right are hard to tell apart (orientation {}): try the next map",
+        "左右の区別が困難(向き {}): 次のマップを試す",
+        "左右难以分辨(朝向 {}):请试下一映射",
     ),
     (
         "the surface turns in places (orientation {})",

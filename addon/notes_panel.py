@@ -15,7 +15,7 @@ from .typed import EnumItem
 
 
 class VIEW3D_PT_spectral_match_message(SubPanel, Panel):
-    """The result above stays where it is when this comes and goes; while work runs it does neither."""
+    """The result above stays where it is when this comes and goes."""
 
     bl_label = "Notes"
     bl_options = {"HIDE_HEADER"}
@@ -36,6 +36,10 @@ class VIEW3D_PT_spectral_match_message(SubPanel, Panel):
     @staticmethod
     def _draw_done(context: bpy.types.Context, box: bpy.types.UILayout, done: str) -> None:
         draw_words(context, box, done, "CHECKMARK", boxed=True)
+        # Maps are gone through of one target at a time.
+        other = notice.other_map(pair.matched(context)[0].lead)
+        if other:
+            draw_words(context, box, other, "INFO", boxed=True)
         row = box.row(align=True)
         # What is seen is the transfer's state, or that of the step before it.
         after = compare.is_after(context)

@@ -18,9 +18,10 @@ icon: EnumItem = "ERROR"
 # The same of those steps, by their names.
 beside: dict[str, tuple[str, EnumItem]] = {}
 # Says what a transfer brought, in the language that the interface has when it is asked; `words` is then what
-# needs a look. And which of the scene's transfers it was.
+# needs a look. And which of the scene's transfers it was, by which map of each match, by its identifier.
 done: Callable[[], str] | None = None
 transfer = 0
+maps: dict[str, int] = {}
 
 
 def say(text: str, sign: EnumItem = "ERROR", step: str = "") -> None:
@@ -35,12 +36,28 @@ def say(text: str, sign: EnumItem = "ERROR", step: str = "") -> None:
         beside.pop(step, None)
 
 
-def finish(context: bpy.types.Context, summary: Callable[[], str], notes: Iterable[str]) -> None:
-    """A transfer is done: `summary` says what it brought, `notes` what needs a look."""
-    global done, transfer
+def finish(
+    context: bpy.types.Context,
+    targets: Iterable[bpy.types.Object],
+    summary: Callable[[], str],
+    notes: Iterable[str],
+) -> None:
+    """A transfer to these meshes is done: `summary` says what it brought, `notes` what needs a look."""
+    global done, transfer, maps
     say("\n".join(notes))
     context.scene.spectral_match.transfers += 1
     done, transfer = summary, context.scene.spectral_match.transfers
+    stored = [target.data.spectral_match for target in targets]
+    maps = {match.identifier: match.alternative for match in stored}
+
+
+def other_map(target: bpy.types.Object) -> str:
+    """By which map the last transfer to this mesh came, if not by the one that it has now, else ""."""
+    stored = target.data.spectral_match
+    came = maps.get(stored.identifier, stored.alternative)
+    if came == stored.alternative:
+        return ""
+    return f"This came with map {came + 1}. To use map {stored.alternative + 1}, press Transfer"
 
 
 def clear(step: str = "") -> None:

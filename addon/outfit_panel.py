@@ -97,16 +97,17 @@ class VIEW3D_PT_spectral_match_outfit(MatchedSubPanel, Panel):
         if looked_at:
             draw_words(context, box, "Blue is as far as asked, yellow is inside", boxed=True, dim=True)
         for target in found.targets[:MOST_TARGETS]:
-            own = [obj.name for obj in wardrobe.replaced(target, live.copies_of(live.kept_on([target])))]
+            own = wardrobe.replaced(target, live.copies_of(live.kept_on([target])))
             if own:
                 words = f"'{target.name}' wears clothes of its own there. Hide what is in the way:"
                 draw_words(context, box, words, "INFO", boxed=True, dim=True)
             column = box.column(align=True)
-            for name in own[:MOST_NAMES]:
+            for obj in own[:MOST_NAMES]:
+                icon = "HIDE_OFF" if obj.visible_get() else "HIDE_ON"
                 button = column.operator(
-                    "spectral_match.hide_worn", text=name, icon="HIDE_OFF", translate=False
+                    "spectral_match.hide_worn", text=obj.name, icon=icon, translate=False
                 )
-                button.name = name
+                button.name = obj.name
             if len(own) > MOST_NAMES:
                 draw_words(context, box, f"and {len(own) - MOST_NAMES} more", boxed=True, dim=True)
 

@@ -244,9 +244,11 @@ class VIEW3D_UL_spectral_match_target_pieces(PiecesList):
 
 
 class VIEW3D_PT_spectral_match_pieces(SubPanel, Panel):
+    """Below the result, which the two lists would push out of the window."""
+
     bl_label = "Pieces"
     bl_options = {"DEFAULT_CLOSED"}
-    bl_order = 0
+    bl_order = 1
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
@@ -371,9 +373,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
         head.alert = stored.grade == "red"
         reasons, sure = stored.reasons.splitlines(), stored.mean_confidence
         head.label(text=wording.of(stored), icon=GRADE_ICONS.get(stored.grade, "QUESTION"))
-        # A map may hang together everywhere and lead to the wrong side, of which nobody is sure.
-        share, good = f"{sure:.0%}", stored.grade == "green"
-        box.progress(factor=sure, text=said("{} sure", share) if good else said("{} consistent", share))
+        box.progress(factor=sure, text=said("Confidence {}", f"{sure:.0%}"))
         if stored.swapped_sides:
             draw_words(context, box, SWAPPED, "MOD_MIRROR", boxed=True)
         for reason in wording.plain(reasons):
@@ -383,7 +383,7 @@ class VIEW3D_PT_spectral_match_result(MatchedSubPanel, Panel):
             draw_words(context, box, now.words, "INFO", boxed=True)
             remedy.draw(box, now.words)
         if fold(box, "open_details", "Details"):
-            for words in (*reasons, said("matched in {} s", f"{stored.seconds:.1f}")):
+            for words in (*wording.details(reasons), said("matched in {} s", f"{stored.seconds:.1f}")):
                 draw_words(context, box, words[:1].upper() + words[1:], boxed=True, dim=True)
 
     @staticmethod
@@ -524,10 +524,10 @@ CLASSES = (
     VIEW3D_UL_spectral_match_target_pieces,
     VIEW3D_PT_spectral_match_presets,
     VIEW3D_PT_spectral_match,
-    VIEW3D_PT_spectral_match_pieces,
     VIEW3D_PT_spectral_match_options,
     VIEW3D_PT_spectral_match_result,
     *notes_panel.CLASSES,
+    VIEW3D_PT_spectral_match_pieces,
     VIEW3D_PT_spectral_match_fix,
     *transfer_panel.CLASSES,
     *outfit_panel.CLASSES,

@@ -298,6 +298,8 @@ def register() -> None:
         default=AUTOMATIC,
         description="Whether this mesh takes part when its character is matched",
     )
+    # Set where the panel hid it, so that the panel can show it again.
+    bpy.types.Object.spectral_match_hidden = BoolProperty(options={"HIDDEN"})
     bpy.types.Object.spectral_match_worn = EnumProperty(
         name="Worn",
         items=(
@@ -316,6 +318,7 @@ def register() -> None:
 
 def unregister() -> None:
     del bpy.types.Object.spectral_match_worn
+    del bpy.types.Object.spectral_match_hidden
     del bpy.types.Object.spectral_match_part
     del bpy.types.Object.spectral_match_pieces
     del bpy.types.Object.spectral_match_source

@@ -108,6 +108,16 @@ def sources_of(target: bpy.types.Object) -> list[tuple[Pointed, str, str]]:
     return pieces or [(target.spectral_match_source, stored.source_name, stored.source_fingerprint)]
 
 
+def is_source(obj: bpy.types.Object) -> bool:
+    """Whether any object has a match with this one."""
+    return any(
+        obj == source
+        for target in bpy.data.objects
+        if target.type == "MESH" and target.data.spectral_match.target_fingerprint
+        for source, _, _ in sources_of(target)
+    )
+
+
 def matched_elsewhere(target: bpy.types.Object, source: Character | bpy.types.Object | None) -> str:
     """What to do where `target` was matched with another source than the one chosen, else "".
 

@@ -218,9 +218,9 @@ TOOLTIPS = (
         "将搜索到的全部项归入服装,或留给角色",
     ),
     (
-        "Hide this piece of the target in viewport and render. Nothing is deleted",
-        "転送先のこの部分をビューポートとレンダーで隠します。何も削除されません",
-        "在视图和渲染中隐藏目标的这一部分。不会删除任何内容",
+        "Hide this piece of the target in viewport and render, or show it again. Nothing is deleted",
+        "転送先のこの部分をビューポートとレンダーで隠すか、再び表示します。何も削除されません",
+        "在视图和渲染中隐藏目标的这一部分,或重新显示。不会删除任何内容",
     ),
     (
         "Carry over, or leave behind, all that the search finds",

@@ -34,12 +34,12 @@ PLAIN = (
 )
 # What tells of a transfer how it was done; all else that it notes needs a look.
 TOLD = (
-    "that both its rig and the source's have are kept",
+    "stay beside the new ones, in groups of their own",
     "came beside it as",
     "Its own stay in its slots",
     "was replaced: it stays in the scene",
-    "What hung on its bones follows the new rig",
-    "Weights went to bones that hold the same",
+    "hung on the old rig and follow the new one now",
+    "Weights went to bones at the same places",
     "was not fitted",
     "locked vertex groups of",
     "were split along seams",
@@ -65,6 +65,24 @@ def plain(reasons: Iterable[str]) -> list[str]:
         if words is not None:
             found.append(re.sub(r" \([^)]*\d[^)]*\)", "", words[:1].upper() + words[1:]))
     return list(dict.fromkeys(found))
+
+
+# What the core calls an alternative, and the panel a map.
+MAPS = (
+    ("this is an alternative", "this is one to compare"),
+    ("compare the alternatives or set a landmark", "compare the maps or add landmarks"),
+    ("try the next alternative", "try the next map"),
+)
+
+
+def details(reasons: Iterable[str]) -> list[str]:
+    """The core's reasons in its own terms, but for its word for a map."""
+    found = []
+    for reason in reasons:
+        for theirs, ours in MAPS:
+            reason = reason.replace(theirs, ours)
+        found.append(reason)
+    return found
 
 
 # What the core says of a failure in its own terms, and an artist's words for it.

@@ -163,10 +163,11 @@ class SPECTRAL_MATCH_OT_transfer(TransferAdjustments, JobOperator, Operator):
         if not self._done:
             return self.stopped("Transfer stopped; nothing was changed")
         done = partial(done_words, self._brought, [len(pieces) for pieces in self._done])
-        show.show_after_transfer(context, [obj for pieces in self._done for obj in pieces], self._brought)
+        targets = [obj for pieces in self._done for obj in pieces]
+        show.show_after_transfer(context, targets, self._brought)
         self.tell({"INFO"}, ("Stopped.\n" if job.cancelling else "") + done())
         self._offer(context.scene.spectral_match)
-        notice.finish(context, done, self._brought.notes)
+        notice.finish(context, targets, done, self._brought.notes)
         return {"FINISHED"}
 
     def draw(self, context: bpy.types.Context) -> None:

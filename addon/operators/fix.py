@@ -86,7 +86,7 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
     """Take the next of the maps that the match found. Useful when limbs, or front and back, are exchanged"""
 
     bl_idname = "spectral_match.alternative"
-    bl_label = "Next Alternative"
+    bl_label = "Other Map"
     bl_options = {"UNDO"}
 
     step: IntProperty(name="Step", default=1, description="1 for the next map, -1 for the previous one")
@@ -105,6 +105,10 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
         if maps.best.alternative_count == 0:
             return "The match found no other plausible map. Add landmarks to steer it"
         return ""
+
+    def forget(self) -> None:
+        """What a transfer brought is said on: the panel tells by which map it came."""
+        Step.forget(self)
 
     def begin(self, context: bpy.types.Context) -> "Generator[None, None, Job]":
         target = pair.matched(context)[0].lead

@@ -19,6 +19,7 @@ from .. import (
     landmarks,
     mesh_read,
     mesh_write,
+    morph,
     notice,
     pair,
     preferences,
@@ -28,7 +29,7 @@ from .. import (
 from .. import job as job_module
 from ..character import Character
 from ..job import MatchJob, MatchOptions
-from ..mesh_read import UnusableObjectError, value_of
+from ..mesh_read import UnusableObjectError, find_object, value_of
 from ..transfer import Carried, checked, said_of_targets
 from ..typed import Outcome
 from . import show
@@ -74,19 +75,21 @@ def reading(
     # All questions to objects and settings come before the first step: they may be gone after it.
     wanted: dict[int, figure.Reading] = {}
     pairs: dict[int, list[tuple[int, int]]] = {}
+    left_out = {giver.lead.session_uid: [obj.session_uid for obj in giver.left_out]}
     notes = []
     for each in takers:
         target, words = _writable(giver, each)
         notes += words
         if target is not None:
             pairs.setdefault(target.lead.session_uid, landmarks.vertex_pairs(settings, giver, target))
+            left_out.setdefault(target.lead.session_uid, [obj.session_uid for obj in target.left_out])
             wanted.setdefault(target.lead.data.session_uid, figure.Reading(target, evaluated, as_target=True))
     source_surface = yield from figure.Reading(giver, evaluated).steps(context)
     surfaces = []
     for way in wanted.values():
         surfaces.append((yield from way.steps(context)))
         yield
-    job = MatchJob(source_surface, surfaces, options, pairs)
+    job = MatchJob(source_surface, surfaces, options, pairs, left_out)
     job.notes += notes
     return job
 
@@ -124,6 +127,7 @@ def store(context: bpy.types.Context, job: MatchJob) -> tuple[list[bpy.types.Obj
             note.seconds = matched.seconds
             note.alternative, note.alternatives = 0, 1 + matched.found.alternative_count
             note.swapped_sides = job.options.swap_sides
+        _forget_left_out(context, job, matched.target, sources, targets)
         stored_match.keep_maps(
             [target.data for target in targets],
             stored_match.SessionMaps(job.source, matched.target, matched.found),
@@ -132,6 +136,39 @@ def store(context: bpy.types.Context, job: MatchJob) -> tuple[list[bpy.types.Obj
             stored_match.forget_fingerprint(obj.data)
         stored += targets
     return stored, trouble
+
+
+def _forget_left_out(
+    context: bpy.types.Context,
+    job: MatchJob,
+    target: "Surface",
+    sources: Sequence[bpy.types.Object],
+    targets: Sequence[bpy.types.Object],
+) -> None:
+    """Pieces that this match leaves out lose an earlier one with the same source, and its colours."""
+    givers, takers = (
+        [
+            obj
+            for uid in job.left_out.get(surface.object_uid, ())
+            if (obj := find_object(bpy.data.objects, uid))
+        ]
+        for surface in (job.source, target)
+    )
+    taking = {obj.data for obj in (*sources, *targets)}
+    left = [
+        obj
+        for obj in (*givers, *takers)
+        if obj.type == "MESH" and obj.data.is_editable and obj.data not in taking
+    ]
+    with mesh_write.object_mode(context, left):
+        for obj in left:
+            if obj in takers and obj.spectral_match_source in (*sources, *givers):
+                morph.remove(obj)
+                mesh_write.forget_match(obj.data)
+                stored_match.forget_fingerprint(obj.data)
+        for obj in left:
+            if not pair.has_match(obj) and not stored_match.is_source(obj):
+                show.remove_colours(obj.data)
 
 
 def failure_words(failed: "Failed") -> str:
@@ -196,7 +233,7 @@ class MatchOperator(JobOperator):
             return self.fail("\n".join(trouble))
         if brought.names:
             show.show_after_transfer(context, stored, brought)
-            notice.finish(context, partial(done_words, brought, many), trouble)
+            notice.finish(context, stored, partial(done_words, brought, many), trouble)
         else:
             show.show_after_match(context, stored)
             self.warn(trouble)
@@ -226,7 +263,7 @@ def summary(targets: Sequence[bpy.types.Object], wanted: int, transferred: bool,
         verdict = f"{verdict}, left and right swapped"
     if stored.grade != "green":
         return f"Matched {name} in {stored.seconds:.1f} s: {verdict}"
-    return f"Matched {name} in {stored.seconds:.1f} s, {stored.mean_confidence:.0%} sure: {verdict}"
+    return f"Matched {name} in {stored.seconds:.1f} s, confidence {stored.mean_confidence:.0%}: {verdict}"
 
 
 class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):

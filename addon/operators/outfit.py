@@ -228,14 +228,15 @@ class SPECTRAL_MATCH_OT_choose_worn(Step, Operator):
 
 
 class SPECTRAL_MATCH_OT_hide_worn(OnObject, Operator):
-    """Hide this piece of the target in viewport and render. Nothing is deleted"""
+    """Hide this piece of the target in viewport and render, or show it again. Nothing is deleted"""
 
     bl_idname = "spectral_match.hide_worn"
-    bl_label = "Hide What Is in the Way"
+    bl_label = "Hide or Show What Is in the Way"
 
     def act_on(self, obj: bpy.types.Object, _context: bpy.types.Context) -> None:
-        obj.hide_set(True)
-        obj.hide_render = True
+        hide = obj.visible_get()
+        obj.hide_set(hide)
+        obj.hide_render = obj.spectral_match_hidden = hide
 
 
 def needs_fitted(context: bpy.types.Context) -> str:

@@ -76,6 +76,7 @@ class JobOperator(Step):
         # Timers stand still in background mode, and there is no window to keep alive.
         if bpy.app.background:
             return self.execute(context)
+        self.forget()
         self._beginning: Beginning | None = self.begin(context)
         self._take_up(Job())
         self._job.stage = "Reading the meshes"
@@ -115,8 +116,6 @@ class JobOperator(Step):
             self._show_progress(context)
             return {"PASS_THROUGH"}
         self._stop_watching(context)
-        # Not earlier: while it runs the panel stays as high as it was.
-        self.forget()
         return self.attempt(self._end, context, self._job)
 
     def _take_up(self, job: Job) -> None:

@@ -53,6 +53,21 @@ def _activate(mesh: bpy.types.Mesh, name: str) -> None:
     colours.active_color = colours[name]
 
 
+def _deactivate(mesh: bpy.types.Mesh) -> None:
+    """Have the colour attribute active again that was it before ours, or another one."""
+    colours = mesh.color_attributes
+    earlier = _earlier_active.pop(mesh.session_uid, "")
+    others = [layer.name for layer in colours if not layer.name.startswith(mesh_write.OURS)]
+    if others:
+        colours.active_color = colours[earlier if earlier in others else others[0]]
+
+
+def remove_colours(mesh: bpy.types.Mesh) -> None:
+    """Take our colours from a mesh that has no match any more."""
+    _deactivate(mesh)
+    mesh_write.remove_attributes(mesh, mesh_write.SHOWN)
+
+
 def _colour_viewport(space: Any) -> None:
     shading = space.shading
     # A file that was saved with our colors opens with them: what was before them is not known.
@@ -144,11 +159,7 @@ def show_nothing(
     context: bpy.types.Context, sources: Sequence[bpy.types.Object], targets: Sequence[bpy.types.Object]
 ) -> None:
     for obj in [*sources, *targets]:
-        colours = obj.data.color_attributes
-        earlier = _earlier_active.pop(obj.data.session_uid, "")
-        others = [layer.name for layer in colours if not layer.name.startswith(mesh_write.OURS)]
-        if earlier in others or others:
-            colours.active_color = colours[earlier if earlier in others else others[0]]
+        _deactivate(obj.data)
     _uncolour_viewports(context)
 
 

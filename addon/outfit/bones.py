@@ -82,7 +82,8 @@ def bring(
     left = _follow(fitted, rig, rigs_by_uid, names)
     if left:
         notes.append(
-            f"Constraints and drivers that look at what '{rig.name}' lacks were left: {listed(left)}"
+            f"'{rig.name}' lacks what these constraints and drivers need, so they were not copied: "
+            f"{listed(left)}"
         )
     return names, notes
 

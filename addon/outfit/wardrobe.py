@@ -84,13 +84,17 @@ def _over(seen: Sequence[bpy.types.Object]) -> frozenset[int]:
 
 
 def replaced(body: Character, copies: Sequence[bpy.types.Object]) -> list[bpy.types.Object]:
-    """What a character wears of its own, of what is seen, where these copies are."""
+    """What a character wears of its own where these copies are, and what was hidden for such; by name, so
+    that each keeps its place when it is hidden.
+    """
     own = [obj for obj in worn(body) if obj not in copies and obj.visible_get()]
     # Sliders change the copies' meshes, but nothing of this.
     key = (OF_COPIES, *(obj.session_uid for obj in copies), *(obj.data.session_uid for obj in own))
     if own and key not in _found:
         _found[key] = _lying_at(copies, own)
-    return [obj for obj in own if obj.session_uid in _found[key]]
+    hidden = [obj for obj in body.whole if obj.spectral_match_hidden and not obj.visible_get()]
+    found = [obj for obj in own if obj.session_uid in _found[key]]
+    return sorted(found + hidden, key=lambda obj: obj.name)
 
 
 def _lying_at(copies: Sequence[bpy.types.Object], own: Sequence[bpy.types.Object]) -> frozenset[int]:

@@ -216,7 +216,7 @@ def _redirect(
     if bound:
         notes.append(f"Modifiers have to be bound again on the copies: {listed(bound)}")
     if left:
-        notes.append(f"Drivers that look at what '{wish.label}' lacks were left: {listed(left)}")
+        notes.append(f"'{wish.label}' lacks what these drivers need, so they were not copied: {listed(left)}")
     return notes
 
 

@@ -70,8 +70,8 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
         staying = [obj.name for obj in _moved_by(replaced) if obj not in route.targets]
         if staying:
             notes.append(
-                f"The rig '{old}' of '{name}' was replaced, but still moves what was left out. To bring that "
-                f"too, undo, check it under Pieces and match again: {listed(staying)}"
+                f"The old rig '{old}' of '{name}' still moves what was left out: {listed(staying)}. To bring "
+                "that too, undo, check it under Pieces and match again"
             )
         else:
             notes.append(

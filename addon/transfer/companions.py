@@ -92,8 +92,8 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
         ]
         if freed:
             notes.append(
-                "Constraints that are off, would move the copies away, or look at what the target does not "
-                f"have were left: {listed(freed)}"
+                "These constraints were not copied. They are off, would move the copies away, or need "
+                f"something that the target lacks: {listed(freed)}"
             )
 
     return Prepared(write, notes)

@@ -41,7 +41,7 @@ def rehang(rigs: Container[bpy.types.Object], own: bpy.types.Object) -> None:
 def words(rigs: Container[bpy.types.Object], targets: Container[bpy.types.Object]) -> list[str]:
     """A note on what follows another rig, beside the meshes of the target."""
     names = [obj.name for obj in hung_on(rigs) if obj not in targets]
-    return [f"What hung on its bones follows the new rig: {listed(names)}"] if names else []
+    return [f"These hung on the old rig and follow the new one now: {listed(names)}"] if names else []
 
 
 def _end(bone: bpy.types.Bone) -> Matrix:

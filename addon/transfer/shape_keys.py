@@ -79,8 +79,8 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     missing = sorted({mask for mask in masks.values() if mask and mask not in route.target.vertex_groups})
     if missing:
         notes.append(
-            f"Shape keys are masked by groups that '{route.target.name}' lacks, unless these are carried "
-            f"too: {listed(missing)}"
+            f"Masks of shape keys need groups that '{route.target.name}' lacks: {listed(missing)}. Carry "
+            "these groups too"
         )
     return Prepared(lambda: _write(route, blocks, named, offsets, masks), tuple(notes), left_out=left)
 

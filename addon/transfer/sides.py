@@ -119,8 +119,8 @@ class Sides:
         if not self.mirrored or not kept:
             return named, []
         return named, [
-            "Mirror Names found no name of the other side for these, which were left as they are: "
-            f"{listed(kept, MOST_TOLD)}. Rename them where they are of one side"
+            f"Mirror Names found no other side for these names, which stay: {listed(kept, MOST_TOLD)}. "
+            "Rename those that are of one side"
         ]
 
 

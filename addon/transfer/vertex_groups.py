@@ -76,8 +76,8 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     notes += words
     if filled.any():
         notes.append(
-            f"{filled.sum()} vertices of '{target.name}' were filled from their neighbours: see the "
-            f"attribute {FILLED}"
+            f"{filled.sum()} vertices of '{target.name}' had no sure match and got the weights of their "
+            f"neighbors. The attribute {FILLED} marks them"
         )
     replaced, words = _replaced(route, written, options)
     notes += words
@@ -139,7 +139,7 @@ def _translated(
         return called, weights, filled, []
     rig = own_modifiers(route)[0].object.name
     told = listed(f"{one} → {other}" for one, other in pairs)
-    note = f"'{route.target.name}' keeps its rig '{rig}'. Weights went to bones that hold the same: {told}"
+    note = f"'{route.target.name}' keeps its rig '{rig}'. Weights went to bones at the same places: {told}"
     return called, weights, filled, [note]
 
 
@@ -156,7 +156,8 @@ def _replaced(route: Route, written: Iterable[str], options: Options) -> tuple[d
     if not kept:
         return kept, []
     return kept, [
-        f"Groups of '{target.name}' that both its rig and the source's have are kept: {listed(kept.values())}"
+        f"The old weights of '{target.name}' stay beside the new ones, in groups of their own: "
+        f"{listed(kept.values())}"
     ]
 
 

@@ -249,8 +249,8 @@ def test_notes_on_several_targets_are_one():
         rig, hat = f"{name} Rig{number}", f"Hat{number}"
         return {name, rig, hat, f"Cape{number}"}, [
             f"UV map 'UVMap' of '{hat}' and 2 more meshes overlaps: {percent}% of it",
-            f"Groups of 'Cape{number}' that its rig has are kept: Bone ({rig}), Root ({rig})",
-            f"What hung on its bones follows the new rig: Staff{number}",
+            f"The old weights of 'Cape{number}' stay: Bone ({rig}), Root ({rig})",
+            f"These hung on the old rig and follow the new one now: Staff{number}",
             *more,
         ]
 
@@ -262,8 +262,8 @@ def test_notes_on_several_targets_are_one():
     ]
     assert said_of_targets(told) == [
         "UV map 'UVMap' of 'Hat.001' and 2 more meshes overlaps: 80.5% of it (on 3 targets)",
-        "Groups of 'Cape' that its rig has are kept: Bone (Mage Rig), Root (Mage Rig) (on 3 targets)",
-        "What hung on its bones follows the new rig: Staff (on 3 targets)",
+        "The old weights of 'Cape' stay: Bone (Mage Rig), Root (Mage Rig) (on 3 targets)",
+        "These hung on the old rig and follow the new one now: Staff (on 3 targets)",
         one,
         own,
         own,

@@ -859,6 +859,59 @@ def test_an_older_match_of_a_piece_that_is_left_out_is_not_carried(known):
     assert mage.eye.vertex_groups
 
 
+def state_of(obj):
+    """What a match may change of an object: attributes, properties and modifiers."""
+    colours, stored = obj.data.color_attributes, obj.data.spectral_match
+    return (
+        sorted(obj.data.attributes.keys()),
+        (colours.active_color_name, colours.default_color_name if colours else ""),
+        [getattr(stored, name) for name in stored.bl_rna.properties.keys() if name != "rna_type"],
+        (obj.spectral_match_source, len(obj.spectral_match_pieces), len(obj.modifiers)),
+    )
+
+
+def test_pieces_that_a_later_match_leaves_out_are_as_if_never_matched(two, at_once):
+    knight, mage = two
+    for shirt in (knight.shirt, mage.shirt):
+        for name in ("Paint", "Dirt"):
+            shirt.data.color_attributes.new(name, "FLOAT_COLOR", "POINT")
+        shirt.data.attributes.new("match_height", "FLOAT", "POINT")
+        shirt.data.color_attributes.active_color = shirt.data.color_attributes["Dirt"]
+    left_out = (knight.shirt, mage.shirt, mage.eye)
+    choose(knight.body, mage.body)
+    before = [*map(state_of, left_out)]
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    for way in ("CONFIDENCE", "COLOURS"):
+        assert bpy.ops.spectral_match.show(what=way) == {"FINISHED"}
+    assert bpy.ops.spectral_match.morph() == {"FINISHED"}
+    for piece in left_out:
+        assert piece.data.color_attributes.active_color.name == "match_color"
+        bpy.ops.spectral_match.toggle_piece(piece=piece.name)
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    assert [*map(state_of, left_out)] == before
+    assert pair.has_match(mage.body) and morph.modifier_of(mage.body)
+    assert "match_color" in knight.eye.data.attributes and panels._leaves_white(resolved())
+
+
+def test_pieces_that_another_match_needs_keep_their_colours(two, at_once):
+    """A piece that is left out now may be the source of another target, or matched with another source."""
+    knight, mage = two
+    other = new_object("Other", *lumpy(4))
+    choose(knight.body, mage.body, other)
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    choose(other, mage.body)
+    for piece in (mage.body, mage.shirt):
+        bpy.ops.spectral_match.toggle_piece(piece=piece.name)
+    # The eye alone with the other source, and then it alone is left out.
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    for piece in (mage.body, mage.shirt, mage.eye, knight.eye):
+        choose(knight.body, mage.body)
+        bpy.ops.spectral_match.toggle_piece(piece=piece.name)
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    assert mage.eye.spectral_match_source == other and "match_color" in mage.eye.data.attributes
+    assert "match_color" in knight.eye.data.attributes and stored_match.state(other).usable
+
+
 def test_pieces_that_are_left_out_are_told_to_be_white(known):
     knight, mage = known
     found = pair.resolve(bpy.context)

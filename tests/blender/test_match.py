@@ -257,7 +257,7 @@ def test_a_match_to_be_checked_is_not_called_sure(pair):
     """A map may hang together everywhere and be wrong as a whole."""
     _, target, _ = pair
     match()
-    assert target.data.spectral_match.grade == "green" and " sure: " in summary([target], 1, False)
+    assert target.data.spectral_match.grade == "green" and ", confidence " in summary([target], 1, False)
     target.data.spectral_match.grade = "amber"
     assert summary([target], 1, False).endswith("s: Check this match")
 

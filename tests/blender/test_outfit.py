@@ -322,9 +322,16 @@ def test_the_panel_says_what_was_fitted_and_what_is_in_the_way(dressed, monkeypa
     (copies,) = (copies for _, copies in live.kept_on(pair.resolve(bpy.context).targets))
     assert wardrobe.replaced(character.of(target.body), copies) == [scarf]
     bpy.ops.ed.undo_push(message="Fit Outfit")
-    assert bpy.ops.spectral_match.hide_worn(name=scarf.name) == {"FINISHED"}
-    assert not {in_the_way, "spectral_match.hide_worn"} & words()
-    assert scarf.hide_get() and scarf.hide_render
+    before = drawn(outfits)
+    for hidden in (True, False, True):
+        assert bpy.ops.spectral_match.hide_worn(name=scarf.name) == {"FINISHED"}
+        # The button stays where it is, so that a second press on it is no other one's.
+        assert drawn(outfits) == before
+        assert scarf.hide_get() == scarf.hide_render == hidden
+    # What the artist hides is none of the panel's.
+    ring.hide_set(True)
+    assert drawn(outfits) == before
+    ring.hide_set(False)
     bpy.ops.ed.undo_push(message="Hide")
     bpy.ops.ed.undo()
     scarf = bpy.data.objects["Scarf"]

@@ -68,7 +68,7 @@ def test_what_hangs_on_the_replaced_rig_follows_the_new_one(figures):
     fitted.pose.bones["hand.L"].rotation_euler.x = 1.0
     bpy.context.view_layer.update()
     assert np.abs(np.array(thing.matrix_world) - place).max() > 0.1
-    assert "follows the new rig: Thing" in notice.words
+    assert "follow the new one now: Thing" in notice.words
 
 
 def test_what_the_replaced_rig_still_moves_is_told(figures):
@@ -78,9 +78,7 @@ def test_what_the_replaced_rig_still_moves_is_told(figures):
     skirt.modifiers.new("Own", "ARMATURE").object = own
     transfer(source.obj, target.obj, kinds="groups,armature")
     look, _ = wording.notes_in_order(notice.words.splitlines())
-    assert [
-        note for note in look if "'Own' of 'Target' was replaced, but still moves" in note and "Skirt" in note
-    ]
+    assert [note for note in look if "'Own' of 'Target' still moves what was left out: Skirt." in note]
     assert armatures_on(skirt) == [own] and not own.hide_get()
     assert "stays in the scene, hidden" not in notice.words
 
@@ -119,7 +117,7 @@ def test_groups_that_are_kept_are_named_in_the_order_of_the_bones(figures):
     transfer(source.obj, target.obj, kinds="groups,armature")
     shared = [bone.name for bone in own.data.bones if bone.name in rig.data.bones]
     assert len(shared) > 5
-    assert f"are kept: {', '.join(f'{name} (Own)' for name in shared[:5])} and " in notice.words
+    assert f"in groups of their own: {', '.join(f'{name} (Own)' for name in shared[:5])} and " in notice.words
 
 
 def test_the_choice_is_where_weights_are_and_where_rigs_are():

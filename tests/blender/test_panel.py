@@ -14,7 +14,7 @@ from test_transfer import store_identity, transfer
 from test_transfer_kinds import photo
 
 from addon import job, manual, notes_panel, notice, outfit_panel, panels, transfer_panel
-from addon.operators import carry, match, outfit, running, step
+from addon.operators import carry, fix, match, outfit, running, step
 from addon.transfer import KINDS, Bodies, has_effect
 
 BUTTONS = ("spectral_match.match", "spectral_match.transfer")
@@ -177,25 +177,29 @@ class Running(running.JobOperator):
 
 
 @pytest.mark.parametrize("step", ["", *notice.BESIDE])
-def test_what_was_said_stays_while_work_runs(bodies, step):
-    """The panel is as high as before until the end, also beside the buttons that say so themselves."""
+def test_what_was_said_goes_when_work_begins(bodies, monkeypatch, step):
+    """That an earlier one was stopped, or what it brought; beside a button that says so itself that alone."""
     context = SimpleNamespace(
-        region=None,
-        window_manager=SimpleNamespace(windows=[]),
+        region=SimpleNamespace(type="UI"),
+        window=None,
+        window_manager=SimpleNamespace(
+            windows=[],
+            event_timer_add=lambda *_given, **_more: None,
+            modal_handler_add=lambda _operator: None,
+        ),
         workspace=SimpleNamespace(status_text_set=lambda _words: None),
     )
+    monkeypatch.setattr(running, "bpy", SimpleNamespace(app=SimpleNamespace(background=False)))
     for told in (["A doubt"], []):
-        going = Running()
-        going.told, going._button, going.said_at = told, step, step
-        going._timer, going._shown, going._beginning = None, "", going.begin(context)
-        going._take_up(job.Job())
-        notice.say("Above")
-        notice.say("Earlier", step=step)
-        before = notice.words, dict(notice.beside)
+        going = type("Going", (Running,), {"bl_idname": step, "told": told})()
+        notice.finish(bpy.context, bodies[1:], lambda: "Done", ["Above"])
+        notice.say("Stopped", "INFO", step)
+        assert going.invoke(context, None) == {"RUNNING_MODAL"}
         tick = SimpleNamespace(type="TIMER", value="NOTHING")
         for _ in range(5):
+            assert (notice.words, notice.beside) == ("Above" if step else "", {})
+            assert (notice.done is None) == (not step) and job.current.button == step
             going._follow(context, tick)
-            assert (notice.words, notice.beside) == before and job.current.button == step
         going.work.set()
         job.current.wait()
         assert going._follow(context, tick) == {"FINISHED"}
@@ -229,6 +233,32 @@ def test_reasons_of_a_match_stay_after_a_transfer(bodies):
     assert drawn(panels.VIEW3D_PT_spectral_match_result) == before
 
 
+def test_what_a_transfer_brought_stays_while_maps_are_gone_through(bodies):
+    """With its notes, Before and After; on another map it says with which one it came."""
+    stored = bodies[1].data.spectral_match
+    stored.identifier, stored.alternatives, stored.alternative = "a match", 3, 1
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    panel = notes_panel.VIEW3D_PT_spectral_match_message
+    before = drawn(panel)
+    assert before[0][0].startswith("Done: ")
+
+    pressed = type("Pressed", (step.Step,), {"forget": fix.SPECTRAL_MATCH_OT_alternative.forget})()
+
+    def take(number):
+        """As the operator does, without the core's maps."""
+        pressed.forget()
+        stored.alternative = number
+
+    take(2)
+    words = "This came with map 2. To use map 3, press Transfer"
+    assert drawn(panel) == [before[0], (words, False), *before[1:]]
+    take(1)
+    assert drawn(panel) == before
+    take(2)
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    assert words not in [said for said, _ in drawn(panel)] and notice.done is not None
+
+
 @pytest.mark.parametrize(
     ("operator", "what"),
     [
@@ -260,6 +290,8 @@ def test_messages_come_and_go_below_the_result(bodies):
     order = [cls.bl_order for cls in panels.CLASSES if hasattr(cls, "bl_order")]
     above = panels.CLASSES[: panels.CLASSES.index(message)]
     assert order == sorted(order) and panels.VIEW3D_PT_spectral_match_result in above
+    # The lists of pieces are long.
+    assert panels.VIEW3D_PT_spectral_match_pieces not in above
 
     def height():
         shown = (panels.VIEW3D_PT_spectral_match, panels.VIEW3D_PT_spectral_match_result)
@@ -270,7 +302,7 @@ def test_messages_come_and_go_below_the_result(bodies):
     notice.say("Something\nis wrong")
     assert message.poll(bpy.context) and height() == before
     assert "HIDE_HEADER" in message.bl_options
-    notice.finish(bpy.context, lambda: "Done", ["A note"])
+    notice.finish(bpy.context, bodies[1:], lambda: "Done", ["A note"])
     assert message.poll(bpy.context) and height() == before
     assert {"Done", "open_notes"} <= {words for words, _ in drawn(message)}
     assert "Done" not in [words for words, _ in drawn(transfer_panel.VIEW3D_PT_spectral_match_transfer)]

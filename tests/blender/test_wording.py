@@ -9,6 +9,7 @@ from test_translation import core_messages
 
 from addon import wording
 from addon.message_table import MESSAGES
+from addon.translation_table import TABLE
 
 CORE = Path(__file__).parents[2] / "rust" / "core" / "src"
 # The measures by which the core judges are no words for the panel.
@@ -30,6 +31,21 @@ def core_reasons():
 def test_reasons_are_plain(reason):
     for words in wording.plain([reason.replace("{:.2}", "0.12").replace("{o:.2}", "0.34")]):
         assert not UNPLAIN.search(words.replace("vertices", "")), words
+
+
+@pytest.mark.parametrize("reason", core_reasons())
+def test_maps_are_called_so_in_details_too(reason):
+    """What stands there instead of the core's word is in the table as well."""
+    (words,) = wording.details([reason])
+    assert "alternative" not in words
+    if words != reason:
+        pattern = re.sub(r"\{[^}]*\}", "{}", words)
+        assert pattern in [row[0] for row in MESSAGES]
+
+
+def test_one_word_for_a_map_and_one_for_the_bar():
+    unwanted = re.compile("alternative|simplif|closing the figure|consistent|{} sure", re.IGNORECASE)
+    assert not [row[0] for row in TABLE if unwanted.search(row[0])]
 
 
 @pytest.mark.parametrize(
