@@ -7,7 +7,8 @@
 //! ‖a − b‖ / max(r, s) + κ·½(δ(P, Q) + δ(Q, P)),
 //!
 //! κ being `COUNTERPARTS.shape`. Pairs are taken in the order of their costs, each piece once. A piece for which none is left shares
-//! the one that costs it least, as two rows of lashes share one.
+//! the one that costs it least, as two rows of lashes share one. Where the surface around leads too far off for that, as on a head
+//! under a beard, the pieces that have come to their counterparts lead the rest once more, as eyes lead brows.
 
 use rayon::prelude::*;
 
@@ -153,8 +154,8 @@ pub(crate) fn members(surface: &Surface, piece: &[u32], count: usize) -> Vec<Mem
     members
 }
 
-/// For each of some pieces the number of its counterpart among others.
-fn paired(pieces: &[Piece], others: &[Piece]) -> Vec<Option<usize>> {
+/// For each of some pieces the number of its counterpart among others, one that is not `taken` yet where there is one.
+fn paired(pieces: &[Piece], others: &[Piece], taken: &mut [bool]) -> Vec<Option<usize>> {
     let mut pairs: Vec<(f64, usize, usize)> = Vec::new();
     for (c, piece) in pieces.iter().enumerate() {
         let costs = others.iter().enumerate();
@@ -162,7 +163,6 @@ fn paired(pieces: &[Piece], others: &[Piece]) -> Vec<Option<usize>> {
     }
     pairs.sort_by(|a, b| a.0.total_cmp(&b.0).then((a.1, a.2).cmp(&(b.1, b.2))));
     let mut found = vec![None; pieces.len()];
-    let mut taken = vec![false; others.len()];
     for &(_, c, d) in &pairs {
         if found[c].is_none() && !taken[d] {
             (found[c], taken[d]) = (Some(d), true);
@@ -178,8 +178,9 @@ impl SurfaceMap {
     /// The map with the target's loose pieces put onto their counterparts on the source.
     ///
     /// A piece is held by a source's piece on which more than `share` of its vertices have an image with any confidence, or, where
-    /// it is not small, on which most of them have one; it is loose where none holds it. Its counterpart is one that holds nothing.
-    /// Without one it keeps the image it had.
+    /// it is not small, on which most of them have one; it is loose where none holds it. Its counterpart is one that holds nothing,
+    /// sought by what is held around it, and where that leads to none by what has come to its counterpart. Without one it keeps the
+    /// image it had.
     ///
     /// # Errors
     /// None beyond those of [`SurfaceMap::new`], which its own parts satisfy.
@@ -195,16 +196,12 @@ impl SurfaceMap {
         for &d in holder.iter().flatten() {
             holds[d as usize] = true;
         }
-        let around: Vec<usize> = (0..piece.len())
-            .filter(|&v| holder[piece[v] as usize].is_some())
+        let held = (0..piece.len()).filter(|&v| holder[piece[v] as usize].is_some());
+        let mut around: Vec<usize> = held.collect();
+        let mut loose: Vec<&Members> = (own.iter().zip(holder))
+            .filter(|(own, holder)| holder.is_none() && !own.1.is_empty())
+            .map(|(own, _)| own)
             .collect();
-        let mut pieces = Vec::new();
-        for (own, holder) in own.iter().zip(holder) {
-            if holder.is_none() && !own.1.is_empty() {
-                let there = self.surroundings(&own.0, &around);
-                pieces.extend(Piece::new(&self.target, own, |p| there.apply(p))?);
-            }
-        }
         let mut others = Vec::new();
         let theirs = members(&self.source, &source_piece, source_count);
         for (own, holds) in theirs.iter().zip(holds) {
@@ -213,14 +210,31 @@ impl SurfaceMap {
             }
         }
         let mut points = self.points.clone();
+        let mut images = self.images().to_vec();
         let mut confidence = self.confidence.clone();
-        for (piece, counterpart) in pieces.iter().zip(paired(&pieces, &others)) {
-            let Some(counterpart) = counterpart.map(|d| &others[d]) else {
-                continue;
-            };
-            for (&v, point) in piece.vertices.iter().zip(piece.laid_on(counterpart)) {
-                points[v as usize] = point;
-                confidence[v as usize] = COUNTERPARTS.confidence;
+        let mut taken = vec![false; others.len()];
+        // By what is held, then the rest by what has come to its counterpart: brows by the eyes, where the head is off.
+        for _ in 0..2 {
+            let mut pieces = Vec::new();
+            for own in &loose {
+                let there = self.surroundings(&own.0, &around, &images);
+                pieces.extend(Piece::new(&self.target, own, |p| there.apply(p))?);
+            }
+            around.clear();
+            for (piece, counterpart) in pieces.iter().zip(paired(&pieces, &others, &mut taken)) {
+                let Some(counterpart) = counterpart.map(|d| &others[d]) else {
+                    continue;
+                };
+                for (&v, point) in piece.vertices.iter().zip(piece.laid_on(counterpart)) {
+                    points[v as usize] = point;
+                    images[v as usize] = self.source.position(&point);
+                    confidence[v as usize] = COUNTERPARTS.confidence;
+                    around.push(v as usize);
+                }
+                loose.retain(|(vertices, _)| vertices.as_slice() != piece.vertices);
+            }
+            if around.is_empty() {
+                break;
             }
         }
         let faces: Vec<i64> = points.iter().map(|p| i64::from(p.face)).collect();
@@ -262,7 +276,7 @@ impl SurfaceMap {
     }
 
     /// The similarity from target to source of some vertices, those near a piece above all.
-    fn surroundings(&self, piece: &[u32], around: &[usize]) -> Similarity {
+    fn surroundings(&self, piece: &[u32], around: &[usize], images: &[Point]) -> Similarity {
         let (centre, radius) = extent(&self.target.places(piece));
         let near = (around.iter())
             .map(|&v| vector::distance(self.target.vertices[v], centre))
@@ -271,11 +285,7 @@ impl SurfaceMap {
         let pairs: Vec<(Point, Point, f64)> = (around.iter())
             .map(|&v| {
                 let far = vector::distance(self.target.vertices[v], centre) / width;
-                (
-                    self.target.vertices[v],
-                    self.images()[v],
-                    (-far * far).exp(),
-                )
+                (self.target.vertices[v], images[v], (-far * far).exp())
             })
             .collect();
         Similarity::fitted(&pairs, self.mirrors())
@@ -287,12 +297,13 @@ mod tests {
     use super::*;
     use crate::testing::{RINGS, torus_mesh};
 
-    /// A ring, and two of such a size beside it.
-    fn rings(size: f64) -> (Vec<Point>, Vec<[i64; 3]>) {
+    /// A ring, and two of such sizes beside it, so many of its extents from it.
+    fn rings(beside: [(f64, f64); 2]) -> (Vec<Point>, Vec<[i64; 3]>) {
         let (ring, triangles) = torus_mesh(RINGS, &[], 0.0);
-        let side = 2.0 * vector::extent(&ring);
+        let extent = vector::extent(&ring);
+        let [second, third] = beside.map(|(size, away)| (size, away * extent));
         let (mut vertices, mut faces) = (Vec::new(), Vec::new());
-        for (scale, x) in [(1.0, 0.0), (size, side), (size, -side)] {
+        for (scale, x) in [(1.0, 0.0), second, third] {
             let first = vertices.len() as i64;
             let placed = |&p: &Point| vector::add(vector::scaled(p, scale), [x, 0.0, 0.0]);
             vertices.extend(ring.iter().map(placed));
@@ -301,26 +312,34 @@ mod tests {
         (vertices, faces)
     }
 
-    /// A map of these rings to themselves, but for the second: a part of it lies on the first, the rest on the third.
-    fn scattered(size: f64, on_the_first: f64) -> SurfaceMap {
-        let (vertices, faces) = rings(size);
-        let n = vertices.len() / 3;
+    /// A map of rings to themselves, vertex to vertex.
+    fn onto_itself(
+        (vertices, faces): (Vec<Point>, Vec<[i64; 3]>),
+        image: impl Fn(usize) -> usize,
+        confidence: Vec<f64>,
+    ) -> SurfaceMap {
         let corner = |v: usize| {
             let t = faces.iter().position(|t| t.contains(&(v as i64)));
             let t = t.expect("every vertex has a triangle");
             let weights = faces[t].map(|c| f64::from(u8::from(c == v as i64)));
             (t as i64, weights)
         };
+        let (images, weights): (Vec<i64>, Vec<[f64; 3]>) =
+            (0..vertices.len()).map(|v| corner(image(v))).unzip();
+        let surface = || Surface::new(vertices.clone(), &faces).expect("a sound surface");
+        SurfaceMap::new(surface(), surface(), &images, &weights, confidence).expect("a sound map")
+    }
+
+    /// A map of such rings, but for the second: a part of it lies on the first, the rest on the third.
+    fn scattered(size: f64, on_the_first: f64) -> SurfaceMap {
+        let rings = rings([(size, 2.0), (size, -2.0)]);
+        let n = rings.0.len() / 3;
         let image = |v: usize| match v / n {
             1 if ((v - n) as f64) < on_the_first * n as f64 => v - n,
             1 => v + n,
             _ => v,
         };
-        let (images, weights): (Vec<i64>, Vec<[f64; 3]>) =
-            (0..3 * n).map(|v| corner(image(v))).unzip();
-        let surface = || Surface::new(vertices.clone(), &faces).expect("a sound surface");
-        let sure = vec![1.0; 3 * n];
-        SurfaceMap::new(surface(), surface(), &images, &weights, sure).expect("a sound map")
+        onto_itself(rings, image, vec![1.0; 3 * n])
     }
 
     /// Of a ring whose radius is 0.02 of the root of all areas.
@@ -343,6 +362,26 @@ mod tests {
             let images = kept.images().to_vec();
             let kept = kept.on_counterparts(share).expect("a map");
             assert_eq!(kept.images(), &images[..]);
+        }
+    }
+
+    #[test]
+    fn what_is_too_far_off_goes_by_a_piece_beside_it() {
+        // The first is turned by one of its rings, by which the others come to lie an eighth of their distance off.
+        let rings = rings([(0.7, 2.0), (0.3, 2.6)]);
+        let n = rings.0.len() / 3;
+        let around = n / RINGS;
+        let image = |v: usize| if v < n { (v + around) % n } else { 0 };
+        let known = (0..3 * n).map(|v| f64::from(u8::from(v < n))).collect();
+        let put = onto_itself(rings, image, known)
+            .on_counterparts(0.6)
+            .expect("a map");
+        for v in n..3 * n {
+            let on = put.source.triangles[put.points[v].face as usize][0] as usize;
+            assert_eq!(
+                (on / n, put.confidence[v]),
+                (v / n, COUNTERPARTS.confidence)
+            );
         }
     }
 }
