@@ -1594,6 +1594,8 @@ def test_what_keys_bring_together_meets_unless_told_otherwise(scene):
     store_identity(source, target)
     down = np.zeros((2 * n, 3))
     down[n:, 2] = -0.98 * np.sqrt(np.maximum(1.0 - (x**2 + y**2) / 0.7, 0.0))
+    # The other plate stirs at a corner: what stands still and is large takes no part.
+    down[0] = -0.1, -0.1, 0.0
     add_key(source, "Shut", down)
     add_key(source, "Upon", 2.0 * down).relative_key = source.data.shape_keys.key_blocks["Shut"]
     for option, wanted in (({}, -0.98 * 1.5), ({"keep_contacts": False}, -0.98)):
@@ -1601,5 +1603,5 @@ def test_what_keys_bring_together_meets_unless_told_otherwise(scene):
         # Corrections are averaged over half an edge, a fourteenth of the way over which they fade.
         shut = offsets_of(target, "Shut")
         assert shut[middle, 2] == pytest.approx(wanted, abs=0.03)
-        assert not shut[:n].any()
+        assert not shut[1:n].any()
         assert offsets_of(target, "Upon")[middle, 2] == pytest.approx(-0.98, abs=1e-5)
