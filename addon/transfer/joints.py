@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any
 
 import bpy
@@ -13,6 +14,7 @@ import numpy as np
 from ..mesh_write import image_points
 from ..similarity import moved, similarity
 from ..typed import Flags, Floats, Integers
+from .rest_poses import AXES_COUNT
 from .sides import flip_name
 from .weights import read_weights
 
@@ -30,8 +32,6 @@ FEWEST_VERTICES, LEAST_WEIGHT = 3, 0.01
 MOST_GROWTH = 2.0
 # Cosine from which on two bones with one head run along each other.
 PARALLEL = 0.99999
-# Weight of the surface's turns around the joints beside the joints' places, as a share of the rig's size.
-AXES_COUNT = 0.1
 # Weighted least squares until the sum of distances settles (Weiszfeld, Tohoku Mathematical Journal 43, 1937).
 REWEIGHTED = 30
 # What stands near to a root, as a share of the rig's size.
@@ -98,7 +98,6 @@ def fitted_bones(route: Route, rig: bpy.types.Object) -> dict[str, Placed]:
     if len(route.target_mirrors) == 1:
         partner = _partners(bones, known)
         found = _on_both_halves(route, bones.places[known], partner, bones.turned_over, found)
-    body = _whole_body(route, bones, bones.places[known], found)
     joints = {joint: values for joint, *values in zip(np.flatnonzero(known).tolist(), *found, strict=True)}
     settled = {joint: np.array(position) for joint, (position, _, _) in joints.items()}
     placed = {}
@@ -106,7 +105,9 @@ def fitted_bones(route: Route, rig: bpy.types.Object) -> dict[str, Placed]:
         head, tail = bones.joint[number].tolist()
         if head in joints and tail in joints and head != tail:
             placed[bone.name] = _between(bones, number, joints[head], settled[tail])
-    _place_others(body, bones, placed, settled)
+    # Worked out for the first bone that goes with the whole body, if there is one.
+    whole = cache(partial(_whole_body, route, bones, bones.places[known], found))
+    _place_others(whole, bones, placed, settled)
     return placed
 
 
@@ -136,7 +137,7 @@ def _turned(axes: Floats, before: Floats, turn: Floats) -> Floats:
 
 
 def _place_others(
-    body: WholeBody, bones: _Bones, placed: dict[str, Placed], settled: dict[int, Floats]
+    whole: Callable[[], WholeBody], bones: _Bones, placed: dict[str, Placed], settled: dict[int, Floats]
 ) -> None:
     """Place the bones that are not yet, each by one that is; joints that are `settled` stay."""
     led = _led(bones.rig)
@@ -155,7 +156,7 @@ def _place_others(
             bone = left.pop(0)
             by = next((above.name for above in bone.parent_recursive if above.name in placed), None)
             if by is None:
-                placed[bone.name] = _with_body(bones, bone, body, settled)
+                placed[bone.name] = _with_body(bones, bone, whole(), settled)
             else:
                 placed[bone.name] = _beside(bones, placed[by], bones.number[by], bone, settled)
         pending = left

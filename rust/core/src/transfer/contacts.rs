@@ -22,7 +22,7 @@ use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::mesh::edge_weights::EdgeWeights;
 use crate::mesh::surface_point::SurfacePoint;
-use crate::transfer::counterparts::{extent, largest_small, members};
+use crate::transfer::counterparts::{Members, extent, largest_small, members};
 use crate::transfer::parts::components;
 use crate::transfer::settings::CONTACTS;
 use crate::transfer::surface::{Surface, blend};
@@ -72,17 +72,23 @@ pub fn kept(map: &SurfaceMap, offsets: &[Point], carried: Vec<Point>) -> Result<
     Ok(carried.into_iter().zip(class).map(corrected).collect())
 }
 
-/// The piece of each vertex of a key's surface, and which pieces the key brings together with others: those of which it moves
+/// The piece of each of the source's vertices, and which pieces a key brings together with others: those of which it moves
 /// something, and small ones that stand still, as teeth do. A chin only comes near to the coat below it.
-fn taking_part(source: &Surface, offsets: &[Point], longest: f64) -> (Vec<u32>, Vec<bool>) {
-    let (piece, count) = components(source);
-    let small = largest_small(source);
-    let mut takes_part = vec![false; count];
-    for (&d, &own) in offsets.iter().zip(&piece) {
+fn taking_part<'a>(map: &'a SurfaceMap, offsets: &[Point], longest: f64) -> (&'a [u32], Vec<bool>) {
+    let source = &map.source;
+    let (piece, is_small) = map.source_pieces.get_or_init(|| {
+        let (piece, count) = components(source);
+        let small = largest_small(source);
+        let is_small = |(vertices, _): &Members| extent(&source.places(vertices)).1 <= small;
+        let is_small = members(source, &piece, count)
+            .iter()
+            .map(is_small)
+            .collect();
+        (piece, is_small)
+    });
+    let mut takes_part = is_small.clone();
+    for (&d, &own) in offsets.iter().zip(piece) {
         takes_part[own as usize] |= vector::norm(d) > CONTACTS.least_gap / 4.0 * longest;
-    }
-    for ((vertices, _), takes_part) in members(source, &piece, count).iter().zip(&mut takes_part) {
-        *takes_part |= extent(&source.places(vertices)).1 <= small;
     }
     (piece, takes_part)
 }
@@ -105,7 +111,7 @@ fn contacts(map: &SurfaceMap, offsets: &[Point], carried: &[Point]) -> Vec<Conta
     let Some(in_key) = Part::of(&moved, &source.triangles, &within) else {
         return Vec::new();
     };
-    let (piece, takes_part) = taking_part(source, offsets, longest);
+    let (piece, takes_part) = taking_part(map, offsets, longest);
     let normals = source.vertex_normals();
     let at = |from: &[Point], point: &SurfacePoint| {
         blend(

@@ -25,6 +25,8 @@ pub struct SurfaceMap {
     joined: OnceLock<Joined>,
     /// Made when first asked for.
     pub(super) frames: OnceLock<Vec<Frame>>,
+    /// Piece of each of the source's vertices, and which pieces are small: made when first asked for.
+    pub(super) source_pieces: OnceLock<(Vec<u32>, Vec<bool>)>,
 }
 
 /// Which of the target's vertices are one, being at one place, as they were before an exporter split them at seams.
@@ -126,6 +128,7 @@ impl SurfaceMap {
             images,
             joined: OnceLock::new(),
             frames: OnceLock::new(),
+            source_pieces: OnceLock::new(),
         })
     }
 
