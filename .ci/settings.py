@@ -19,8 +19,6 @@ STAGES += ("matching/result", "matching/partial", "matching", "transfer", "trans
 
 GROUP = re.compile(r"((?:    ///[^\n]*\n)+)    (\w+): \w+ \{\n(.*?)\n    \}\n", re.DOTALL)
 FIELD = re.compile(r"((?:        ///[^\n]*\n)*)        (\w+): [^=\n]+ = (.+),\n")
-# A stage whose settings are given by the caller has one struct and its defaults.
-GIVEN = re.compile(r"((?:    ///[^\n]*\n)*)    pub (\w+): [^\n]+,\n")
 
 HEAD = """# Settings
 
@@ -50,11 +48,6 @@ def rows(text: str, path: str):
             prose(about),
             [(f"{path}.{group.lower()}.{name}", value, prose(why)) for why, name, value in fields],
         )
-    given, _, defaults = text.partition("impl Default for Settings")
-    if defaults:
-        values = dict(re.findall(r"^            (\w+): (.+),$", defaults, re.MULTILINE))
-        fields = GIVEN.findall(given)
-        yield "Given by the caller.", [(f"{path}.{name}", values[name], prose(why)) for why, name in fields]
 
 
 def page() -> str:

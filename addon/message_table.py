@@ -193,6 +193,11 @@ MESSAGES = (
     ("an attribute", "属性", "属性"),
     ("a vertex group", "頂点グループ", "顶点组"),
     ("a built-in attribute", "組み込み属性", "内置属性"),
+    (
+        "What is worn may mislead the match: {}",
+        "着用品がマッチを誤らせている可能性があります: {}",
+        "穿戴物可能误导了匹配:{}",
+    ),
     # The stored match.
     (
         "A match is running. Wait for it, or press Esc to stop it",

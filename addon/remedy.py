@@ -30,6 +30,7 @@ class Remedy:
 AGAIN = Remedy("Match Again", "spectral_match.match", "FILE_REFRESH")
 MODELLED = Remedy("Match as Modelled", "spectral_match.match", "FILE_REFRESH", (("as_modelled", True),))
 MIRRORED = Remedy("Allow Mirrored, Match Again", "spectral_match.match", "MOD_MIRROR", (("mirrored", True),))
+BARE = Remedy("Match without It", "spectral_match.match", "MATCLOTH", (("bare", True),))
 SIDES = Remedy("Swap Left and Right", "spectral_match.swap_sides", "MOD_MIRROR")
 MARK = Remedy("Add Landmarks", "spectral_match.pick_landmarks", "RESTRICT_SELECT_OFF")
 OUTDATED = Remedy("Remove Outdated Landmarks", "spectral_match.remove_outdated", "X")
@@ -52,6 +53,7 @@ TABLE = (
     (r"set Shape to Original", MODELLED),
     (r"[Mm]atch again", AGAIN),
     (r"mirror image of the other", MIRRORED),
+    (r"[Ww]hat is worn may mislead the match", BARE),
     (r"left and right are hard to tell apart", SIDES),
     (r"cannot be told, set two landmarks|[Aa]dd landmarks|the shapes differ, or one is a part", MARK),
     (r"no plausible map was found", MARK),

@@ -233,6 +233,8 @@ TABLE = (
     ("Done", "完了", "完成"),
     ("Match as Modelled", "モデルの形でマッチ", "按建模形状匹配"),
     ("Allow Mirrored, Match Again", "鏡像を許可して再マッチ", "允许镜像并重新匹配"),
+    ("Without What Is Worn", "着用品なし", "不含穿戴物"),
+    ("Match without It", "それなしでマッチ", "不含它们匹配"),
     ("Remove Outdated Landmarks", "無効なランドマークを削除", "移除过期标志点"),
     ("Let It Take Part", "参加させる", "使其参与"),
     ("Show It", "表示する", "显示它"),

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Match: read the objects, have the job run beside the window, write what it found."""
 
-from collections.abc import Generator, Sequence
+from collections.abc import Generator, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -30,7 +30,9 @@ from .. import job as job_module
 from ..character import Character
 from ..job import MatchJob, MatchOptions
 from ..mesh_read import UnusableObjectError, find_object, value_of
+from ..outfit import wardrobe
 from ..transfer import Carried, checked, said_of_targets
+from ..transfer.listed import listed
 from ..typed import Outcome
 from . import show
 from .carry import carry, done_words
@@ -175,6 +177,27 @@ def failure_words(failed: "Failed") -> str:
     return f"'{failed.target.name}' was not matched: {core.explain(failed.error)}"
 
 
+def _worn_by(bodies: Iterable[Character]) -> list[bpy.types.Object]:
+    """Meshes that take part in a match and are worn, of characters that can be matched without them."""
+    found = []
+    for body in bodies:
+        worn = [obj for obj in wardrobe.worn(body) if obj in body.pieces]
+        found += worn if len(worn) < len(body.pieces) else []
+    return found
+
+
+def _doubts_of_worn(
+    sources: Sequence[bpy.types.Object], targets: Iterable[Sequence[bpy.types.Object]]
+) -> list[str]:
+    """What is worn where a match is doubtful: a helmet and a hat are no two forms of one shape."""
+    doubtful = [pieces for pieces in targets if pieces[0].data.spectral_match.grade != "green"]
+    bodies = [character.of(pieces[0]) or character.alone(pieces[0]) for pieces in (sources, *doubtful)]
+    found = _worn_by(bodies) if doubtful else []
+    if not found:
+        return []
+    return [f"What is worn may mislead the match: {listed([obj.name for obj in found])}"]
+
+
 def find_unchanged(surface: "Surface") -> list[bpy.types.Object]:
     """The objects that a surface was read from, one for each piece.
 
@@ -231,6 +254,7 @@ class MatchOperator(JobOperator):
             trouble += said_of_targets(told)
         if not stored:
             return self.fail("\n".join(trouble))
+        trouble += _doubts_of_worn(find_unchanged(job.source), together)
         if brought.names:
             show.show_after_transfer(context, stored, brought)
             notice.finish(context, stored, partial(done_words, brought, many), trouble)
@@ -285,8 +309,18 @@ class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
         name="Allow Mirrored", description="Check Allow Mirrored Match first", options={"SKIP_SAVE"}
     )
 
+    bare: BoolProperty(
+        name="Without What Is Worn",
+        description="First leave out hats, hair and clothes that lie over other meshes of their character",
+        options={"SKIP_SAVE"},
+    )
+
     def begin(self, context: bpy.types.Context) -> "Generator[None, None, Job]":
         settings = context.scene.spectral_match
+        if self.bare:
+            found = pair.resolve(context)
+            for obj in _worn_by(filter(None, (found.source, *found.targets))):
+                obj.spectral_match_part = character.LEFT_OUT
         if self.as_modelled:
             settings.shape = "ORIGINAL"
         if self.mirrored:

@@ -15,7 +15,7 @@ from mathutils.bvhtree import BVHTree
 from test_panel import drawn
 from test_transfer import store_map, weights_of
 
-from addon import character, command_line, mesh_read, notice, outfit_panel, pair, palette
+from addon import character, command_line, mesh_read, mesh_write, notice, outfit_panel, pair, palette, remedy
 from addon.mesh_write import HEAT, read_attribute, write_attribute
 from addon.operators import show
 from addon.operators.outfit import clothes_of
@@ -104,6 +104,32 @@ def test_a_shirt_sits_on_a_copy_as_it_did_and_moves_with_its_rig(dressed):
     np.testing.assert_allclose(
         places(shirt, evaluated=True), turned(places(source.shirt, evaluated=True)), atol=2 * CLOSE
     )
+
+
+def test_a_doubtful_match_names_what_is_worn_and_one_press_leaves_it_out(scene, monkeypatch):
+    source, target = figures.character("Source"), figures.character("Target", moved=True)
+    choose(source.body, target.body)
+    bpy.context.view_layer.update()
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    assert target.body.data.spectral_match.grade == "green" and "worn" not in notice.words
+    write = mesh_write.write_match
+
+    def doubted(sources, targets, *given):
+        write(sources, targets, *given)
+        for obj in targets:
+            obj.data.spectral_match.grade = "amber"
+
+    monkeypatch.setattr(mesh_write, "write_match", doubted)
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+    names = f"{source.shirt.name}, {target.shirt.name}"
+    assert notice.words == f"What is worn may mislead the match: {names}"
+    assert remedy.remedies(notice.words) == ((remedy.BARE, ""),)
+    assert bpy.ops.spectral_match.match(**dict(remedy.BARE.properties)) == {"FINISHED"}
+    assert "worn" not in notice.words
+    for each in (source, target):
+        assert each.shirt.spectral_match_part == character.LEFT_OUT
+        assert each.shirt not in character.of(each.body).pieces
+    assert pair.has_match(target.body) and not pair.has_match(target.shirt)
 
 
 def wardrobe_of(made):

@@ -20,7 +20,7 @@ macro_rules! settings {
 
         impl Default for $Type {
             fn default() -> Self {
-                Self::DEFAULT
+                $NAME.clone()
             }
         }
 

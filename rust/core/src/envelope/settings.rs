@@ -4,37 +4,34 @@ use super::Offsets;
 use crate::error::{Error, Result};
 use crate::settings::settings;
 
-/// How an envelope is made.
+/// How an envelope is made, where [`USUAL`] has the reason for each value.
 #[derive(Debug, Clone, PartialEq)]
 pub struct Settings {
-    /// Cells along the largest extent. Finer grids of three pairs of humanoids did not map better, at three times the size.
+    /// Cells along the largest extent.
     pub cells: usize,
-    /// Bricks along the outside at most: a figure with more of them is on a coarser grid. With so many there are some 28,000
-    /// vertices, and maps are sought on 7,000. Slender figures have 1,200, those of four legs 1,900, plump ones with large
-    /// heads up to 4,000.
+    /// Bricks along the outside at most: a figure with more of them is on a coarser grid.
     pub outer_bricks: usize,
-    /// Offsets (solid, sheet, blend) that are tried, in this order; on a coarser grid those of solids and sheets are as many of its
-    /// cells. Sheets are found by the grid from half a cell on, and gaps of a hundredth of a person are those between plates.
+    /// Offsets that are tried, in this order; on a coarser grid those of solids and sheets are as many of its cells.
     pub offsets: Vec<Offsets>,
-    /// Half of the gaps that are bridged, in this order, between parts that stay apart with all offsets: a head over a collar.
+    /// Half of the gaps that are bridged, in this order, between parts that stay apart with all offsets.
     pub bridges: Vec<f64>,
-    /// Share of the visible area that has to be connected: the rest is earrings and the like.
+    /// Share of the visible area that has to be connected.
     pub connected: f64,
 }
 
 impl Default for Settings {
     fn default() -> Self {
-        let offsets = |solid, sheet, blend| Offsets {
+        let offsets = |[solid, sheet, blend]: [f64; 3]| Offsets {
             solid,
             sheet,
             blend,
         };
         Self {
-            cells: 128,
-            outer_bricks: 2000,
-            offsets: vec![offsets(0.004, 0.006, 0.006), offsets(0.006, 0.006, 0.008)],
-            bridges: vec![0.016, 0.032],
-            connected: 0.99,
+            cells: USUAL.cells,
+            outer_bricks: USUAL.outer_bricks,
+            offsets: USUAL.offsets.map(offsets).to_vec(),
+            bridges: USUAL.bridges.to_vec(),
+            connected: USUAL.connected,
         }
     }
 }
@@ -69,6 +66,26 @@ impl Settings {
 }
 
 settings! {
+    /// How an envelope is made where the caller says nothing else.
+    USUAL: Usual {
+        /// Cells along the largest extent. Finer grids of three pairs of humanoids did not map better, at three times
+        /// the size.
+        cells: usize = 128,
+        /// Bricks along the outside at most: a figure with more of them is on a coarser grid. With so many there are
+        /// some 28,000 vertices, and maps are sought on 7,000. Slender figures have 1,200, those of four legs 1,900,
+        /// plump ones with large heads up to 4,000.
+        outer_bricks: usize = 2000,
+        /// Offsets (solid, sheet, blend) that are tried, in this order; on a coarser grid those of solids and sheets
+        /// are as many of its cells. Sheets are found by the grid from half a cell on, and gaps of a hundredth of a
+        /// person are those between plates.
+        offsets: [[f64; 3]; 2] = [[0.004, 0.006, 0.006], [0.006, 0.006, 0.008]],
+        /// Half of the gaps that are bridged, in this order, between parts that stay apart with all offsets: a head
+        /// over a collar.
+        bridges: [f64; 2] = [0.016, 0.032],
+        /// Share of the visible area that has to be connected: the rest is earrings and the like.
+        connected: f64 = 0.99,
+    }
+
     /// The function whose zero level set is the envelope, sampled near it.
     FIELD: Field {
         /// How steeply the solid ends where |w| passes 1/2: at 1/4 and 3/4 it is a distance again.
