@@ -27,7 +27,7 @@ from .own_rig import (
     translated,
 )
 from .weight_sums import finished, giving_way, mixed, sums
-from .weights import copy_group, deforming_bones, read_weights, rigs, write_weights
+from .weights import copy_groups, deforming_bones, read_weights, rigs, write_weights
 
 if TYPE_CHECKING:
     from .route import Route
@@ -83,8 +83,7 @@ def prepare(route: Route, wanted: Sequence[str], options: Options) -> Prepared:
     notes += words
 
     def write() -> None:
-        for name, kept in replaced.items():
-            copy_group(target, name, kept)
+        copy_groups(target, replaced)
         write_weights(target, written, weights, masked)
         for names, values, there in others:
             write_weights(target, names, values, there)

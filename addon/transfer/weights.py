@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from typing import Any
 
@@ -79,11 +79,15 @@ def write_weights(
             edited.free()
 
 
-def copy_group(target: bpy.types.Object, name: str, copy: str) -> None:
-    """A second vertex group with the weights of one."""
+def copy_groups(target: bpy.types.Object, copies: Mapping[str, str]) -> None:
+    """Second vertex groups with the weights of others: their names by those of the first."""
+    if not copies:
+        return
     vertex, group, weight = read_weights(target)
-    held = group == target.vertex_groups[name].index
-    write_weights(target, [copy], (vertex[held], np.zeros(held.sum(), int), weight[held]))
+    place = np.full(len(target.vertex_groups), -1)
+    place[[target.vertex_groups[name].index for name in copies]] = np.arange(len(copies))
+    held = place[group] >= 0
+    write_weights(target, list(copies.values()), (vertex[held], place[group[held]], weight[held]))
 
 
 def deforming_bones(obj: bpy.types.Object) -> dict[str, bool]:
