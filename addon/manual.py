@@ -12,7 +12,7 @@ import bpy
 # Operators and properties by page.
 PAGES = {
     "match": (
-        *("match", "cancel", "pin", "swap_roles", "toggle_piece", "reset_pieces"),
+        *("match", "cancel", "pin", "swap_roles", "toggle_piece", "reset_pieces", "undress"),
         *("reset", "add_preset", "show_object", "unit_scale"),
     ),
     "result": ("show", "lines", "morph", "follow_pointer"),

@@ -198,6 +198,11 @@ MESSAGES = (
         "着用品がマッチを誤らせている可能性があります: {}",
         "穿戴物可能误导了匹配:{}",
     ),
+    (
+        "Nothing that takes part is worn over other meshes",
+        "参加するメッシュに、他のメッシュの上に着用されたものはありません",
+        "参与的网格中没有穿在其他网格之上的",
+    ),
     # The stored match.
     (
         "A match is running. Wait for it, or press Esc to stop it",

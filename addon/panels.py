@@ -271,9 +271,11 @@ class VIEW3D_PT_spectral_match_pieces(SubPanel, Panel):
                 draw_name(row.row(), bodies[0])
             else:
                 row.label(text=said("{} characters", len(bodies)), icon=icon_of(bodies[0]), translate=False)
-            row.operator(
-                "spectral_match.reset_pieces", text="", icon="LOOP_BACK", emboss=False
-            ).end = end.upper()
+            for button in (
+                row.operator("spectral_match.undress", text="", icon="MATCLOTH", emboss=False),
+                row.operator("spectral_match.reset_pieces", text="", icon="LOOP_BACK", emboss=False),
+            ):
+                button.end = end.upper()
             column.template_list(
                 of_end.__name__,
                 "",

@@ -591,6 +591,11 @@ TOOLTIPS = (
     ),
     ("Set Shape to Original first", "先に形状を「オリジナル」にします", "先将形状设为“原始”"),
     (
+        "Leave out hats, hair and clothes that lie over other meshes: bodies alone match more exactly",
+        "他のメッシュを覆う帽子・髪・服を除外します。体だけの方が正確にマッチします",
+        "排除覆盖在其他网格之上的帽子、头发和衣服:只匹配身体更准确",
+    ),
+    (
         "First leave out hats, hair and clothes that lie over other meshes of their character",
         "先に、同じキャラクターの他のメッシュを覆う帽子・髪・服を除外します",
         "先排除覆盖在同一角色其他网格之上的帽子、头发和衣服",

@@ -31,6 +31,7 @@ TABLE = (
     ("Left Out", "除外", "排除"),
     ("Automatic", "自動", "自动"),
     ("Part of the Character", "キャラクターの一部", "角色的一部分"),
+    ("Leave Out What Is Worn", "着用品を除外", "排除穿戴物"),
     ("Reset Pieces", "パーツをリセット", "重置部件"),
     ("Result", "結果", "结果"),
     ("Fix", "修正", "修正"),

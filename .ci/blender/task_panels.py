@@ -97,6 +97,8 @@ def steps():
     yield from window.open_tab("Match")
     choose("Mia", "Bruno")
     yield from taken("pair")
+    choose("Mia", "Mia LOD")
+    yield from taken("levels")
 
     choose("Mia", "Bruno", FACE)
     show_only("pieces")

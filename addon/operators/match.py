@@ -177,22 +177,13 @@ def failure_words(failed: "Failed") -> str:
     return f"'{failed.target.name}' was not matched: {core.explain(failed.error)}"
 
 
-def _worn_by(bodies: Iterable[Character]) -> list[bpy.types.Object]:
-    """Meshes that take part in a match and are worn, of characters that can be matched without them."""
-    found = []
-    for body in bodies:
-        worn = [obj for obj in wardrobe.worn(body) if obj in body.pieces]
-        found += worn if len(worn) < len(body.pieces) else []
-    return found
-
-
 def _doubts_of_worn(
     sources: Sequence[bpy.types.Object], targets: Iterable[Sequence[bpy.types.Object]]
 ) -> list[str]:
     """What is worn where a match is doubtful: a helmet and a hat are no two forms of one shape."""
     doubtful = [pieces for pieces in targets if pieces[0].data.spectral_match.grade != "green"]
     bodies = [character.of(pieces[0]) or character.alone(pieces[0]) for pieces in (sources, *doubtful)]
-    found = _worn_by(bodies) if doubtful else []
+    found = wardrobe.worn_in_match(bodies) if doubtful else []
     if not found:
         return []
     return [f"What is worn may mislead the match: {listed([obj.name for obj in found])}"]
@@ -319,7 +310,7 @@ class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
         settings = context.scene.spectral_match
         if self.bare:
             found = pair.resolve(context)
-            for obj in _worn_by(filter(None, (found.source, *found.targets))):
+            for obj in wardrobe.worn_in_match(filter(None, (found.source, *found.targets))):
                 obj.spectral_match_part = character.LEFT_OUT
         if self.as_modelled:
             settings.shape = "ORIGINAL"

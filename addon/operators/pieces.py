@@ -1,13 +1,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Pieces: which meshes of a character take part when it is matched."""
 
+from typing import Any
+
 import bpy
 from bpy.props import EnumProperty, StringProperty
 from bpy.types import Operator
 
 from .. import character, pair
-from ..character import AUTOMATIC, LEFT_OUT, TAKEN
+from ..character import AUTOMATIC, LEFT_OUT, TAKEN, Character
 from ..mesh_read import UnusableObjectError
+from ..outfit import wardrobe
 from ..typed import Outcome
 from .step import Step
 
@@ -34,22 +37,45 @@ class SPECTRAL_MATCH_OT_toggle_piece(Step, Operator):
         return {"FINISHED"}
 
 
-class SPECTRAL_MATCH_OT_reset_pieces(Step, Operator):
+class AtEnd(Step):
+    """A step on the pieces of the source, or of the targets."""
+
+    bl_options: set[Any] = {"UNDO", "INTERNAL"}
+
+    end: EnumProperty(items=(("SOURCE", "Source", ""), ("TARGET", "Target", "")), options={"SKIP_SAVE"})
+
+    def bodies(self, context: bpy.types.Context) -> list[Character]:
+        found = pair.resolve(context)
+        return [body for body in (found.targets if self.end == "TARGET" else [found.source]) if body]
+
+
+class SPECTRAL_MATCH_OT_reset_pieces(AtEnd, Operator):
     """Let all meshes take part again that are neither hidden nor held in a hand"""
 
     bl_idname = "spectral_match.reset_pieces"
     bl_label = "Reset Pieces"
-    bl_options = {"UNDO", "INTERNAL"}
-
-    end: EnumProperty(items=(("SOURCE", "Source", ""), ("TARGET", "Target", "")), options={"SKIP_SAVE"})
 
     def act(self, context: bpy.types.Context) -> Outcome:
-        found = pair.resolve(context)
-        bodies = found.targets if self.end == "TARGET" else [found.source]
-        for body in filter(None, bodies):
+        for body in self.bodies(context):
             for obj in body.whole:
                 obj.spectral_match_part = AUTOMATIC
         return {"FINISHED"}
 
 
-CLASSES = (SPECTRAL_MATCH_OT_toggle_piece, SPECTRAL_MATCH_OT_reset_pieces)
+class SPECTRAL_MATCH_OT_undress(AtEnd, Operator):
+    """Leave out hats, hair and clothes that lie over other meshes: bodies alone match more exactly"""
+
+    bl_idname = "spectral_match.undress"
+    bl_label = "Leave Out What Is Worn"
+
+    def act(self, context: bpy.types.Context) -> Outcome:
+        worn = wardrobe.worn_in_match(self.bodies(context))
+        if not worn:
+            self.tell({"INFO"}, "Nothing that takes part is worn over other meshes")
+            return {"CANCELLED"}
+        for obj in worn:
+            obj.spectral_match_part = LEFT_OUT
+        return {"FINISHED"}
+
+
+CLASSES = (SPECTRAL_MATCH_OT_toggle_piece, SPECTRAL_MATCH_OT_reset_pieces, SPECTRAL_MATCH_OT_undress)

@@ -23,6 +23,9 @@ SMALLEST = 0.1
 # What is worn lies over other meshes with so much of its vertices, up to this share of the character's size:
 # half the width of a wide skirt. So many vertices are asked.
 COVERING, UNDER, PROBES = 0.3, 0.06, 100
+# Of so many the other mesh is straight below: of clothes, hats and hair 0.33 to 1, of hands, arms and legs
+# that come near cuffs and skirts up to 0.16.
+STRAIGHT = 0.25
 # So many of the bones that move what is worn move what it lies on too: a glove is worn, an arm is not.
 SHARED = 0.5
 # Of what replaces another piece either lies at the other with more than this share. Of shirts, trousers and
@@ -73,6 +76,15 @@ def worn(body: Character) -> list[bpy.types.Object]:
     seen = _seen(body)
     over = _over(seen)
     return [obj for obj in body.whole if _is_worn(obj, seen, over)]
+
+
+def worn_in_match(bodies: Iterable[Character]) -> list[bpy.types.Object]:
+    """What is worn and takes part in a match, of characters of which something is left without it."""
+    found = []
+    for body in bodies:
+        taking = [obj for obj in worn(body) if obj in body.pieces]
+        found += taking if len(taking) < len(body.pieces) else []
+    return found
 
 
 def _over(seen: Sequence[bpy.types.Object]) -> frozenset[int]:
@@ -133,7 +145,7 @@ def _lying_over(pieces: Sequence[bpy.types.Object]) -> frozenset[int]:
     trees, points, normals = _surfaces(pieces)
     corners = np.concatenate(points)
     size = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
-    share = np.zeros((len(pieces), len(pieces)))
+    share, straight = np.zeros((len(pieces), len(pieces))), np.zeros(len(pieces))
     for number, (own, facing) in enumerate(zip(points, normals, strict=True)):
         every = slice(None, None, max(1, len(own) // PROBES))
         asked = list(zip(own[every].tolist(), facing[every].tolist(), strict=True))
@@ -141,13 +153,16 @@ def _lying_over(pieces: Sequence[bpy.types.Object]) -> frozenset[int]:
             other = _below(*probe, trees, number, UNDER * size)
             if other is not None:
                 share[number, other] += 1.0 / len(asked)
+            if _is_straight_below(*probe, trees, number, UNDER * size):
+                straight[number] += 1.0 / len(asked)
     # Of two that lie in one another, as thick cloth and skin may, the one that does so more.
     share[share <= share.T] = 0.0
     found = set()
     for number, (obj, own) in enumerate(zip(pieces, points, strict=True)):
         large = np.linalg.norm(own.max(axis=0) - own.min(axis=0)) > SMALLEST * size
         under = [pieces[other] for other in np.flatnonzero(share[number])]
-        if large and share[number].sum() >= COVERING and _shares_bones(obj, under):
+        lies_over = share[number].sum() >= COVERING and straight[number] >= STRAIGHT
+        if large and lies_over and _shares_bones(obj, under):
             found.add(obj.session_uid)
     return frozenset(found)
 
@@ -184,6 +199,16 @@ def _below(
     height = sum(n * (p - q) for n, p, q in zip(normal, place, at, strict=True))
     agreement = sum(n * m for n, m in zip(normal, facing, strict=True))
     return other if height > 0.0 and agreement > 0.0 else None
+
+
+def _is_straight_below(
+    place: Sequence[float], facing: Sequence[float], trees: Sequence[BVHTree], own: int, reach: float
+) -> bool:
+    """Whether another surface that faces as a place does is straight below it, up to a distance."""
+    inward = [-n for n in facing]
+    hits = (tree.ray_cast(place, inward, reach) for other, tree in enumerate(trees) if other != own)
+    normals = (normal for _, normal, _, _ in hits if normal is not None)
+    return any(sum(n * m for n, m in zip(normal, facing, strict=True)) > 0.0 for normal in normals)
 
 
 def _shares_bones(obj: bpy.types.Object, under: Iterable[bpy.types.Object]) -> bool:

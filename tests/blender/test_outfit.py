@@ -561,16 +561,19 @@ def test_the_list_of_clothes_begins_with_what_is_worn(dressed):
 def test_what_is_worn_lies_over_what_the_same_bones_move(scene):
     made = figures.character("Source")
     points, faces = figures.lumpy(6)
-    # An arm beside the body, and a glove over it.
+    # An arm beside the body, a glove over it, and a thumb off its end, half of which faces as the arm does.
     arm = new_object("Arm", 0.3 * points + (1.3, 0.0, 0.0), faces)
     glove = new_object("Glove", 0.34 * points + (1.3, 0.0, 0.0), faces)
-    for obj in (arm, glove):
+    end = 0.36 * points[points[:, 0].argmax()] + (1.3, 0.0, 0.0)
+    thumb = new_object("Thumb", (0.25, 0.1, 0.1) * points + end + (0.1, 0.0, 0.0), faces)
+    for obj in (arm, glove, thumb):
         obj.vertex_groups.new(name="Hand").add(range(len(points)), 1.0, "REPLACE")
         obj.modifiers.new("Rig", "ARMATURE").object = made.rig
         obj.parent = made.rig
     bpy.context.view_layer.update()
     body = wardrobe_of(made)
-    assert {obj.name for obj in body.whole} == {"Source Body", "Source Shirt", "Source Eye", "Arm", "Glove"}
+    added = {"Arm", "Glove", "Thumb"}
+    assert {obj.name for obj in body.whole} == {"Source Body", "Source Shirt", "Source Eye"} | added
     assert {obj.name for obj in wardrobe.worn(body)} == {"Source Shirt", "Glove"}
     assert wardrobe.body_of(body) == made.body
     glove.hide_viewport = True
