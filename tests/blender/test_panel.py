@@ -2,6 +2,7 @@
 """What panels draw: buttons that stay in their places, a stop that is said, options that are grey."""
 
 import threading
+from collections import Counter
 from types import SimpleNamespace
 
 import bpy
@@ -13,7 +14,7 @@ from test_textures import Body
 from test_transfer import store_identity, transfer
 from test_transfer_kinds import photo
 
-from addon import job, manual, notes_panel, notice, outfit_panel, panels, transfer_panel
+from addon import job, manual, notes_panel, notice, outfit_panel, panels, properties, transfer_panel
 from addon.operators import carry, fix, match, outfit, running, step
 from addon.transfer import KINDS, Bodies, has_effect
 
@@ -320,6 +321,15 @@ def grey(bodies):
         folds.property_unset(f"open_{kind.identifier}")
     shown = {name for kind in KINDS for name in kind.shown}
     return {name for name, is_grey in found if is_grey and name in shown}
+
+
+def test_every_option_has_a_name_of_its_own():
+    """Kinds share one list of properties with the settings of the scene, in which the last of a name wins."""
+    names = [name for kind in KINDS for name in kind.options]
+    names += [f"{use}_{kind.identifier}" for kind in KINDS for use in ("use", "open")]
+    for holder in (properties.SPECTRAL_MATCH_PG_settings, carry.SPECTRAL_MATCH_OT_transfer):
+        names += vars(holder)["__annotations__"]
+    assert [name for name, count in Counter(names).items() if count > 1] == []
 
 
 def test_options_without_effect_are_grey(bodies, scene):

@@ -157,6 +157,12 @@ def same_edges(source, target, old):
     return [place[tuple(sorted(pair))] for pair in old[mesh_read.edges(target.data)].tolist()]
 
 
+def same_faces(source, target, old):
+    """The source's face of each face of its renumbered copy."""
+    place = {frozenset(face.vertices): face.index for face in source.data.polygons}
+    return [place[frozenset(old[list(face.vertices)].tolist())] for face in target.data.polygons]
+
+
 def test_creases_of_most_edges_come_back_on_a_copy(copies):
     source, target, old, _ = copies
     rng = np.random.default_rng(7)
@@ -298,8 +304,7 @@ def test_materials_and_attributes_come_back_on_a_copy(copies):
     for layer, values in given.items():
         write_attribute(mesh, *layer, values)
     transfer(source, target, kinds="materials,attributes")
-    place = {frozenset(face.vertices): face.index for face in mesh.polygons}
-    same_face = [place[frozenset(old[list(face.vertices)].tolist())] for face in target.data.polygons]
+    same_face = same_faces(source, target, old)
     assert [slot.material.name for slot in target.material_slots] == ["Own", "Skin", "Cloth"]
     np.testing.assert_array_equal(
         [face.material_index for face in target.data.polygons], index[same_face] + 1
