@@ -141,6 +141,11 @@ def verdict(grade: str, reasons: Iterable[str], confidence: float) -> str:
     return GRADES.get(grade, grade)
 
 
+def is_good(stored: StoredMatch) -> bool:
+    """Whether a stored match leaves no doubt."""
+    return of(stored) == GRADES["green"]
+
+
 def of(stored: StoredMatch) -> str:
     """The verdict on a stored match."""
     return verdict(stored.grade, stored.reasons.splitlines(), stored.mean_confidence)

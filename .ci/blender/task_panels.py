@@ -127,9 +127,8 @@ def steps():
     matched("match")
     for name in ("Shirt", "Trousers", "Belt", "Shoes"):
         bpy.data.objects[f"Bruno {name}"].hide_set(True)
-    bpy.data.objects["Mia Hair"].spectral_match_worn = bpy.data.objects["Mia Ties"].spectral_match_worn = (
-        "NOT_WORN"
-    )
+    for name in ("Mia Hair", "Mia Ties", "Mia Brows", "Mia Lashes", "Bruno Brows"):
+        bpy.data.objects[name].spectral_match_worn = "NOT_WORN"
     matched("fit_outfit")
     yield from taken("outfit")
 

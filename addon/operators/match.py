@@ -181,7 +181,7 @@ def _doubts_of_worn(
     sources: Sequence[bpy.types.Object], targets: Iterable[Sequence[bpy.types.Object]]
 ) -> list[str]:
     """What is worn where a match is doubtful: a helmet and a hat are no two forms of one shape."""
-    doubtful = [pieces for pieces in targets if pieces[0].data.spectral_match.grade != "green"]
+    doubtful = [pieces for pieces in targets if not wording.is_good(pieces[0].data.spectral_match)]
     bodies = [character.of(pieces[0]) or character.alone(pieces[0]) for pieces in (sources, *doubtful)]
     found = wardrobe.worn_in_match(bodies) if doubtful else []
     if not found:

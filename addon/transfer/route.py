@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from .. import character, completion, core, mesh_read, mesh_write
 from ..mesh_read import UnusableObjectError
+from ..outfit import wardrobe
 from ..typed import Flags, Floats, Integers, Values
 from .sides import Sides
 
@@ -26,6 +27,9 @@ if TYPE_CHECKING:
 
 # A scale is even up to this: matrices are in single precision.
 EVEN = 1e-5
+# So much of the confidence in what is worn counts for what belongs to the whole character: a hat on one and a
+# helmet on the other bent a head by 14.8 degrees, and bend it by 7. Without a body below, cloth tells.
+WORN_COUNTS = 0.1
 
 
 class Route:
@@ -223,7 +227,8 @@ class Route:
 class FigureRoute(Route):
     """The way to all meshes of a target at once, in the space of the first, which is `target`.
 
-    It is for what belongs to the whole character: rigs, and objects that hang on it.
+    It is for what belongs to the whole character: rigs, and objects that hang on it. These go by the body
+    where it is known: what is worn counts less.
     """
 
     def __init__(self, targets: Sequence[bpy.types.Object], view: View) -> None:
@@ -282,7 +287,10 @@ class FigureRoute(Route):
     @cached_property
     def map(self) -> SurfaceMap:
         """The core's `SurfaceMap` onto all meshes."""
-        found = [stored(self.view, obj.data) for obj in self.targets]
+        found, worn = [], wardrobe.worn(character.of(self.target) or character.alone(self.target))
+        for obj in self.targets:
+            faces, weights, confidence = stored(self.view, obj.data)
+            found.append((faces, weights, confidence * (WORN_COUNTS if obj in worn else 1.0)))
         return self._joined(
             self.source_points,
             self.target_points,

@@ -132,6 +132,31 @@ def test_a_doubtful_match_names_what_is_worn_and_one_press_leaves_it_out(scene, 
     assert pair.has_match(target.body) and not pair.has_match(target.shirt)
 
 
+def test_a_rig_goes_by_the_body_more_than_by_what_is_worn(scene):
+    """The target's shirt is drawn aside, which leans a bone that goes by both."""
+    source, target = figures.character("Source"), figures.character("Target", moved=True)
+    choose(source.body, target.body)
+    bpy.context.view_layer.update()
+    assert bpy.ops.spectral_match.match() == {"FINISHED"}
+
+    def high():
+        assert bpy.ops.spectral_match.transfer(kinds="groups,armature") == {"FINISHED"}
+        return np.array(target.body.find_armature().data.bones["High"].vector)
+
+    upright, points = high(), mesh_read.positions(target.shirt.data).copy()
+    points[:, 0] += points[:, 2] - points[:, 2].min()
+    target.shirt.data.vertices.foreach_set("co", points.ravel())
+    target.shirt.data.update()
+    leans = []
+    for word in (wardrobe.NOT_WORN, wardrobe.WORN):
+        target.shirt.spectral_match_worn = word
+        along = high()
+        cosine = upright @ along / np.linalg.norm(upright) / np.linalg.norm(along)
+        leans.append(np.degrees(np.arccos(min(cosine, 1.0))))
+    # A tenth of its confidence counts, beside what the body says.
+    assert leans[0] > 5.0 and leans[1] < leans[0] / 2.0
+
+
 def wardrobe_of(made):
     return character.of(made.body)
 

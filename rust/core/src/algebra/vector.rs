@@ -68,6 +68,20 @@ pub fn extent(points: &[Point]) -> f64 {
     (0..3).map(side).fold(0.0, f64::max)
 }
 
+/// How far points stick out of the box of others along an axis at most, negative where they lie within it.
+pub fn sticking_out(points: &[Point], others: &[Point]) -> f64 {
+    let ends = |points: &[Point], c: usize| {
+        let along = points.iter().map(|p| p[c]);
+        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
+            [low.min(x), high.max(x)]
+        })
+    };
+    (0..3)
+        .map(|c| (ends(points, c), ends(others, c)))
+        .flat_map(|([low, high], [other_low, other_high])| [other_low - low, high - other_high])
+        .fold(f64::NEG_INFINITY, f64::max)
+}
+
 /// Euclidean length.
 #[must_use]
 pub fn norm(a: Point) -> f64 {

@@ -108,6 +108,10 @@ settings! {
         /// Least share of the source's area that what is worn leaves uncovered: the garments leave 0.11, two bodies
         /// of one size at one place up to 0.08.
         uncovered: f64 = 0.1,
+        /// How far the source sticks out of what is worn along an axis at least, over its largest extent: out of suits with
+        /// shoes by 0.13, of other garments by more; of another person of a like size at one place, one of 24 of whom
+        /// lies as near as clothes, by up to 0.123.
+        sticking_out: f64 = 0.128,
         /// Gap up to which the source is covered, over its largest extent.
         covered: f64 = 0.03,
         /// Gap at which confidence falls to 1/e, over the largest extent of the source.

@@ -94,6 +94,14 @@ pub(super) fn between_matched(
 /// Whether the target is worn by the source.
 fn is_worn(source: &Surface, target: &Surface) -> bool {
     let size = vector::extent(&source.vertices);
+    // What reaches as far as the source everywhere is another body about it.
+    let [own, other] = [source, target].map(|surface| -> Vec<Point> {
+        let corners = (0..surface.triangles.len() as u32).flat_map(|t| surface.corners(t));
+        corners.collect()
+    });
+    if vector::sticking_out(&own, &other) < WORN.sticking_out * size {
+        return false;
+    }
     let asked = spread(target, WORN.asked);
     let mut outside = 0;
     let mut along = 0.0;
@@ -219,6 +227,22 @@ mod tests {
         assert!(is_worn(&body, &rings(RINGS / 3, 0.03, 0.0)));
         assert!(!is_worn(&body, &rings(RINGS / 3, 0.03, 0.5)));
         assert!(!is_worn(&body, &rings(RINGS, 0.03, 0.0)));
+    }
+
+    /// It leaves a quarter of the tube uncovered, on the inner side of the ring, and reaches as far as the tube does.
+    #[test]
+    fn what_reaches_as_far_as_the_other_is_not_worn() {
+        let body = rings(RINGS, 0.0, 0.0);
+        let (vertices, faces) = torus_mesh(RINGS, &[], 0.03);
+        let is_outer = |f: &&[i64; 3]| {
+            f.iter().all(|&v| {
+                let [x, y, _] = vertices[v as usize];
+                x.hypot(y) > 0.85
+            })
+        };
+        let outer: Vec<[i64; 3]> = faces.iter().filter(is_outer).copied().collect();
+        let around = Surface::new(vertices.clone(), &outer).expect("a surface");
+        assert!(!is_worn(&body, &around));
     }
 
     /// It lies as near as clothes do, all on one side, but does not run along the tube.
