@@ -1,5 +1,7 @@
 //! Vectors of three coordinates.
 
+use std::array::from_fn;
+
 /// Position or direction in space.
 pub type Point = [f64; 3];
 
@@ -58,28 +60,22 @@ pub fn mean(points: &[Point]) -> Point {
     points.iter().fold([0.0; 3], sum)
 }
 
+/// The lowest and the highest corner of the box around points; around none, infinities the wrong way round.
+pub fn bounds(points: impl IntoIterator<Item = Point>) -> [Point; 2] {
+    let none = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+    points.into_iter().fold(none, |[low, high], p| {
+        [
+            from_fn(|c| low[c].min(p[c])),
+            from_fn(|c| high[c].max(p[c])),
+        ]
+    })
+}
+
 /// The largest side of the box around some points, 0 around none.
 #[must_use]
 pub fn extent(points: &[Point]) -> f64 {
-    let side = |c: usize| {
-        let along = points.iter().map(|p| p[c]);
-        along.clone().fold(f64::NEG_INFINITY, f64::max) - along.fold(f64::INFINITY, f64::min)
-    };
-    (0..3).map(side).fold(0.0, f64::max)
-}
-
-/// How far points stick out of the box of others along an axis at most, negative where they lie within it.
-pub fn sticking_out(points: &[Point], others: &[Point]) -> f64 {
-    let ends = |points: &[Point], c: usize| {
-        let along = points.iter().map(|p| p[c]);
-        along.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], x| {
-            [low.min(x), high.max(x)]
-        })
-    };
-    (0..3)
-        .map(|c| (ends(points, c), ends(others, c)))
-        .flat_map(|([low, high], [other_low, other_high])| [other_low - low, high - other_high])
-        .fold(f64::NEG_INFINITY, f64::max)
+    let [low, high] = bounds(points.iter().copied());
+    sub(high, low).into_iter().fold(0.0, f64::max)
 }
 
 /// Euclidean length.

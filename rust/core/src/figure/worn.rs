@@ -94,14 +94,6 @@ pub(super) fn between_matched(
 /// Whether the target is worn by the source.
 fn is_worn(source: &Surface, target: &Surface) -> bool {
     let size = vector::extent(&source.vertices);
-    // What reaches as far as the source everywhere is another body about it.
-    let [own, other] = [source, target].map(|surface| -> Vec<Point> {
-        let corners = (0..surface.triangles.len() as u32).flat_map(|t| surface.corners(t));
-        corners.collect()
-    });
-    if vector::sticking_out(&own, &other) < WORN.sticking_out * size {
-        return false;
-    }
     let asked = spread(target, WORN.asked);
     let mut outside = 0;
     let mut along = 0.0;
@@ -139,9 +131,25 @@ fn is_worn(source: &Surface, target: &Surface) -> bool {
     if !is_close && !is_layer {
         return false;
     }
+    // What reaches as far as the source everywhere is another body about it.
+    if sticking_out(source, target) < WORN.sticking_out * size {
+        return false;
+    }
     let asked = spread(source, WORN.asked);
     let uncovered = below(target, source, &asked).filter(|b| b.gap / size > WORN.covered + median);
     uncovered.count() as f64 >= WORN.uncovered * asked.len() as f64
+}
+
+/// How far a surface sticks out of the box of another along an axis at most, negative where it lies within it.
+fn sticking_out(surface: &Surface, other: &Surface) -> f64 {
+    let [[low, high], [other_low, other_high]] = [surface, other].map(|surface| {
+        let triangles = 0..surface.triangles.len() as u32;
+        vector::bounds(triangles.flat_map(|t| surface.corners(t)))
+    });
+    [vector::sub(other_low, low), vector::sub(high, other_high)]
+        .into_iter()
+        .flatten()
+        .fold(f64::NEG_INFINITY, f64::max)
 }
 
 /// What lies nearest to a place.
