@@ -177,13 +177,11 @@ def failure_words(failed: "Failed") -> str:
     return f"'{failed.target.name}' was not matched: {core.explain(failed.error)}"
 
 
-def _doubts_of_worn(
-    sources: Sequence[bpy.types.Object], targets: Iterable[Sequence[bpy.types.Object]]
-) -> list[str]:
+def _doubts_of_worn(targets: Iterable[Sequence[bpy.types.Object]]) -> list[str]:
     """What is worn where a match is doubtful: a helmet and a hat are no two forms of one shape."""
-    doubtful = [pieces for pieces in targets if not wording.is_good(pieces[0].data.spectral_match)]
-    bodies = [character.of(pieces[0]) or character.alone(pieces[0]) for pieces in (sources, *doubtful)]
-    found = wardrobe.worn_in_match(bodies) if doubtful else []
+    doubtful = [pieces[0] for pieces in targets if not wording.is_good(pieces[0].data.spectral_match)]
+    leads = [obj for obj, _, _ in stored_match.sources_of(doubtful[0])][:1] + doubtful if doubtful else []
+    found = wardrobe.worn_in_match(character.of(lead) or character.alone(lead) for lead in leads)
     if not found:
         return []
     return [f"What is worn may mislead the match: {listed([obj.name for obj in found])}"]
@@ -245,7 +243,7 @@ class MatchOperator(JobOperator):
             trouble += said_of_targets(told)
         if not stored:
             return self.fail("\n".join(trouble))
-        trouble += _doubts_of_worn(find_unchanged(job.source), together)
+        trouble += _doubts_of_worn(together)
         if brought.names:
             show.show_after_transfer(context, stored, brought)
             notice.finish(context, stored, partial(done_words, brought, many), trouble)
@@ -310,8 +308,7 @@ class SPECTRAL_MATCH_OT_match(MatchOperator, Operator):
         settings = context.scene.spectral_match
         if self.bare:
             found = pair.resolve(context)
-            for obj in wardrobe.worn_in_match(filter(None, (found.source, *found.targets))):
-                obj.spectral_match_part = character.LEFT_OUT
+            wardrobe.undress(filter(None, (found.source, *found.targets)))
         if self.as_modelled:
             settings.shape = "ORIGINAL"
         if self.mirrored:

@@ -69,13 +69,10 @@ class SPECTRAL_MATCH_OT_undress(AtEnd, Operator):
     bl_label = "Leave Out What Is Worn"
 
     def act(self, context: bpy.types.Context) -> Outcome:
-        worn = wardrobe.worn_in_match(self.bodies(context))
-        if not worn:
-            self.tell({"INFO"}, "Nothing that takes part is worn over other meshes")
-            return {"CANCELLED"}
-        for obj in worn:
-            obj.spectral_match_part = LEFT_OUT
-        return {"FINISHED"}
+        if wardrobe.undress(self.bodies(context)):
+            return {"FINISHED"}
+        self.tell({"INFO"}, "Nothing that takes part is worn over other meshes")
+        return {"CANCELLED"}
 
 
 CLASSES = (SPECTRAL_MATCH_OT_toggle_piece, SPECTRAL_MATCH_OT_reset_pieces, SPECTRAL_MATCH_OT_undress)

@@ -87,6 +87,14 @@ def worn_in_match(bodies: Iterable[Character]) -> list[bpy.types.Object]:
     return found
 
 
+def undress(bodies: Iterable[Character]) -> bool:
+    """Leave out of the next match what is worn; returns whether there was something."""
+    found = worn_in_match(bodies)
+    for obj in found:
+        obj.spectral_match_part = character.LEFT_OUT
+    return bool(found)
+
+
 def _over(seen: Sequence[bpy.types.Object]) -> frozenset[int]:
     """Session ids of the larger meshes that lie over others, as found before."""
     key = tuple(obj.data.session_uid for obj in seen)
@@ -145,24 +153,24 @@ def _lying_over(pieces: Sequence[bpy.types.Object]) -> frozenset[int]:
     trees, points, normals = _surfaces(pieces)
     corners = np.concatenate(points)
     size = float(np.linalg.norm(corners.max(axis=0) - corners.min(axis=0)))
-    share, straight = np.zeros((len(pieces), len(pieces))), np.zeros(len(pieces))
+    share, probes = np.zeros((len(pieces), len(pieces))), []
     for number, (own, facing) in enumerate(zip(points, normals, strict=True)):
         every = slice(None, None, max(1, len(own) // PROBES))
-        asked = list(zip(own[every].tolist(), facing[every].tolist(), strict=True))
-        for probe in asked:
+        probes.append(list(zip(own[every].tolist(), facing[every].tolist(), strict=True)))
+        for probe in probes[number]:
             other = _below(*probe, trees, number, UNDER * size)
             if other is not None:
-                share[number, other] += 1.0 / len(asked)
-            if _is_straight_below(*probe, trees, number, UNDER * size):
-                straight[number] += 1.0 / len(asked)
+                share[number, other] += 1.0 / len(probes[number])
     # Of two that lie in one another, as thick cloth and skin may, the one that does so more.
     share[share <= share.T] = 0.0
     found = set()
     for number, (obj, own) in enumerate(zip(pieces, points, strict=True)):
         large = np.linalg.norm(own.max(axis=0) - own.min(axis=0)) > SMALLEST * size
         under = [pieces[other] for other in np.flatnonzero(share[number])]
-        lies_over = share[number].sum() >= COVERING and straight[number] >= STRAIGHT
-        if large and lies_over and _shares_bones(obj, under):
+        if not (large and share[number].sum() >= COVERING and _shares_bones(obj, under)):
+            continue
+        straight = sum(_is_straight_below(*probe, trees, number, UNDER * size) for probe in probes[number])
+        if straight >= STRAIGHT * len(probes[number]):
             found.add(obj.session_uid)
     return frozenset(found)
 
