@@ -34,6 +34,7 @@ RETURNING = {
     "gpu.shader.from_builtin",
     "gpu.state.viewport_get",
     "mathutils.bvhtree.BVHTree.FromPolygons",
+    "mathutils.interpolate.poly_3d_calc",
 }
 
 

@@ -49,6 +49,19 @@ class Point:
         return mesh_read.find_object(bpy.data.objects, self.object_uid)
 
 
+@dataclass(frozen=True)
+class Place:
+    """A place between vertices of an object, which is found again by its session id: the share of each."""
+
+    object_uid: int
+    vertices: Sequence[int]
+    shares: Sequence[float]
+
+    @property
+    def object(self) -> bpy.types.Object | None:
+        return mesh_read.find_object(bpy.data.objects, self.object_uid)
+
+
 @dataclass
 class Picking:
     """The pick under way: the vertex under the pointer, and the first one clicked."""
@@ -58,8 +71,8 @@ class Picking:
 
 
 picking: Picking | None = None
-# The point under the pointer and its partner, while `follow_pointer` is on; or (None, None).
-partners: tuple[Point | None, Point | None] | None = None
+# The place under the pointer and its partner, while `follow_pointer` is on; or (None, None).
+partners: tuple[Place | None, Place | None] | None = None
 
 
 @dataclass(frozen=True)
@@ -240,12 +253,10 @@ def _draw_marks() -> None:
                 if vertex < len(obj.data.vertices) and obj.visible_get():
                     _draw_mark(context, depsgraph, obj, vertex, landmark, number == chosen)
     if picking is not None:
-        for point in (picking.first, picking.hovered):
-            if point is not None and point.object is not None:
-                _draw_picked(context, depsgraph, point)
-    for point in filter(None, partners or ()):
-        if point.object is not None:
-            _draw_picked(context, depsgraph, point)
+        for point in filter(None, (picking.first, picking.hovered)):
+            _draw_picked(context, depsgraph, Place(point.object_uid, (point.vertex,), (1.0,)))
+    for place in filter(None, partners or ()):
+        _draw_picked(context, depsgraph, place)
     gpu.state.blend_set("NONE")
 
 
@@ -292,11 +303,12 @@ def _draw_mark(
         blf.draw(0, landmark.name)
 
 
-def _draw_picked(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, point: Point) -> None:
-    obj = point.object
-    if obj is None or point.vertex >= len(obj.data.vertices):
+def _draw_picked(context: bpy.types.Context, depsgraph: bpy.types.Depsgraph, place: Place) -> None:
+    obj = place.object
+    if obj is None or max(place.vertices) >= len(obj.data.vertices):
         return
-    pixel, _ = _on_screen(context, depsgraph, obj, point.vertex)
+    point = np.array(place.shares) @ world_points(obj, depsgraph, place.vertices)
+    pixel = location_3d_to_region_2d(context.region, context.region_data, Vector(point.tolist()))
     if pixel is None:
         return
     scale = context.preferences.system.ui_scale

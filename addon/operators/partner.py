@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The partner of the point under the pointer: rest it on one character, see the point on the other."""
+"""The partner of the place under the pointer: rest it on one character, see the place on the other."""
 
 from __future__ import annotations
 
@@ -8,43 +8,75 @@ from collections.abc import Sequence
 import bpy
 import numpy as np
 from bpy.types import Operator
+from mathutils import Vector
+from mathutils.geometry import closest_point_on_tri
+from mathutils.interpolate import poly_3d_calc
 
 from .. import mesh_read, overlay, pair, stored_match
 from ..mesh_read import UnusableObjectError
-from ..mesh_write import read_places
-from ..overlay import Point
+from ..mesh_write import image_points, read_places
+from ..overlay import Place
 from ..translation import said, spoken
-from ..typed import Outcome
+from ..typed import Floats, Outcome
 from .pick import hit, redraw, region_under
 from .step import Step, going_on, needs_matched
 
 
-def partner_of(point: Point, matched: Sequence[bpy.types.Object]) -> Point | None:
-    """The vertex of the other character nearest to where the match takes a point, or None.
+def partner_of(place: Place, matched: Sequence[bpy.types.Object]) -> Place | None:
+    """Where the match takes a place of one character on the other, or None.
 
     `matched` are target meshes of one match.
     """
     sources = [obj for obj, _, _ in stored_match.sources_of(matched[0])]
-    if point.object in matched:
-        piece, faces, weights, _ = read_places(point.object.data)
-        source = sources[piece[point.vertex]]
-        corners = mesh_read.triangle_vertices(source.data)[faces[point.vertex]]
-        return Point(source.session_uid, int(corners[weights[point.vertex].argmax()]))
-    if point.object not in sources:
+    if place.object in matched:
+        return _image_of(place, sources)
+    if place.object not in sources:
         return None
-    own, best, nearest = sources.index(point.object), np.inf, None
-    points = mesh_read.positions(point.object.data)
-    triangles = mesh_read.triangle_vertices(point.object.data)
-    for target in matched:
-        piece, faces, weights, _ = read_places(target.data)
-        here = np.flatnonzero(piece == own)
-        if len(here) == 0:
-            continue
-        images = np.einsum("ij,ijc->ic", weights[here], points[triangles[faces[here]]])
-        away = np.linalg.norm(images - points[point.vertex], axis=1)
-        if away.min() < best:
-            best, nearest = away.min(), Point(target.session_uid, int(here[away.argmin()]))
-    return nearest
+    own = sources.index(place.object)
+    point = np.array(place.shares) @ mesh_read.positions(place.object.data)[list(place.vertices)]
+    found = (_with_image(point, sources, own, target) for target in matched)
+    return min(filter(None, found), key=lambda each: each[0], default=(np.inf, None))[1]
+
+
+def _image_of(place: Place, sources: Sequence[bpy.types.Object]) -> Place:
+    """Where a place of a target goes, on the piece of the source that answers for most of it."""
+    piece, faces, weights, _ = read_places(place.object.data)
+    vertices, shares = np.array(place.vertices), np.array(place.shares)
+    source = sources[piece[vertices[shares.argmax()]]]
+    there = piece[vertices] == sources.index(source)
+    vertices, shares = vertices[there], shares[there] / shares[there].sum()
+    corners = mesh_read.triangle_vertices(source.data)[faces[vertices]]
+    return Place(source.session_uid, corners.ravel().tolist(), (shares[:, None] * weights[vertices]).ravel())
+
+
+def _with_image(
+    point: Floats, sources: Sequence[bpy.types.Object], own: int, target: bpy.types.Object
+) -> tuple[float, Place] | None:
+    """The place of a target, around the vertex with the nearest image, that goes nearest to a point of the
+    source's piece `own`, and how near; None where none goes to that piece.
+    """
+    piece, faces, weights, _ = read_places(target.data)
+    here = np.flatnonzero(piece == own)
+    if len(here) == 0:
+        return None
+    points, there = mesh_read.positions(sources[own].data), mesh_read.triangle_vertices(sources[own].data)
+    images = np.full((len(piece), 3), np.inf)
+    images[here] = image_points(points, there, faces[here], weights[here])
+    away = np.linalg.norm(images[here] - point, axis=1)
+    # Vertices at one place, as along seams, have one image.
+    nearest = here[away == away.min()]
+    best = float(away.min()), Place(target.session_uid, (int(nearest[0]),), (1.0,))
+    triangles = mesh_read.triangle_vertices(target.data)
+    around = triangles[np.isin(triangles, nearest).any(axis=1)]
+    aim = Vector(point.tolist())
+    for corners in around[np.isfinite(images[around]).all(axis=(1, 2))].tolist():
+        seen = [Vector(images[corner].tolist()) for corner in corners]
+        near = closest_point_on_tri(aim, *seen)
+        gap, shares = (near - aim).length, poly_3d_calc(seen, near)
+        # Of a triangle that goes to one point they are no numbers.
+        if gap < best[0] and np.isfinite(shares).all():
+            best = gap, Place(target.session_uid, corners, shares)
+    return best
 
 
 class SPECTRAL_MATCH_OT_follow_pointer(Step, Operator):
@@ -94,18 +126,18 @@ class SPECTRAL_MATCH_OT_follow_pointer(Step, Operator):
     @staticmethod
     def _under(
         context: bpy.types.Context, event: bpy.types.Event, matched: Sequence[bpy.types.Object]
-    ) -> tuple[Point | None, Point | None]:
+    ) -> tuple[Place | None, Place | None]:
         region = region_under(context, event)
         if region is None:
             return None, None
         figures = stored_match.matched_together(matched)
         sources = [obj for together in figures for obj, _, _ in stored_match.sources_of(together[0])]
         pixel = (event.mouse_x - region.x, event.mouse_y - region.y)
-        point = hit(context, region, pixel, [*dict.fromkeys(sources), *matched])
-        if point is None:
+        place = hit(context, region, pixel, [*dict.fromkeys(sources), *matched])
+        if place is None:
             return None, None
-        found = (partner_of(point, together) for together in figures)
-        return point, next(filter(None, found), None)
+        found = (partner_of(place, together) for together in figures)
+        return place, next(filter(None, found), None)
 
     def cancel(self, context: bpy.types.Context) -> None:
         self._end(context)

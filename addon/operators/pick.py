@@ -10,10 +10,11 @@ from bpy.props import EnumProperty, IntProperty, StringProperty
 from bpy.types import Operator
 from bpy_extras.view3d_utils import region_2d_to_origin_3d, region_2d_to_vector_3d
 from mathutils import Vector
+from mathutils.interpolate import poly_3d_calc
 
 from .. import landmarks, mesh_read, overlay, pair
 from ..mesh_read import UnusableObjectError
-from ..overlay import Picking, Point
+from ..overlay import Picking, Place, Point
 from ..translation import said, spoken
 from ..typed import Outcome
 from .step import Step, going_on, needs_pair
@@ -59,8 +60,8 @@ def hit(
     region: bpy.types.Region,
     pixel: tuple[float, float],
     objects: Iterable[bpy.types.Object],
-) -> Point | None:
-    """The vertex of one of the objects under a pixel of a region, or None."""
+) -> Place | None:
+    """The place on one of the objects under a pixel of a region, or None."""
     view: Any = region.data
     origin, direction = (
         region_2d_to_origin_3d(region, view, pixel),
@@ -76,16 +77,19 @@ def hit(
         found, place, _, face = obj.ray_cast(start, along, depsgraph=depsgraph)
         distance = (obj.matrix_world @ place - origin).length if found else np.inf
         if distance < best:
-            nearest, best = Point(obj.session_uid, _vertex_at(obj, depsgraph, place, face)), distance
-    return nearest
+            nearest, best = (obj, place, face), distance
+    return None if nearest is None else _between_vertices(depsgraph, *nearest)
 
 
-def _vertex_at(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, place: Vector, face: int) -> int:
-    """The mesh vertex nearest to a place on face `face` of the surface as shown."""
+def _between_vertices(
+    depsgraph: bpy.types.Depsgraph, obj: bpy.types.Object, place: Vector, face: int
+) -> Place:
+    """A place on face `face` of the surface as shown, by the vertices of the mesh."""
     shown = obj.evaluated_get(depsgraph).data
     if len(shown.vertices) == len(obj.data.vertices):
-        corners = shown.polygons[face].vertices
-        return min(corners, key=lambda vertex: (shown.vertices[vertex].co - place).length_squared)
+        corners = tuple(shown.polygons[face].vertices)
+        shares = poly_3d_calc([shown.vertices[corner].co for corner in corners], place)
+        return Place(obj.session_uid, corners, tuple(shares))
     miss = np.linalg.norm(mesh_read.positions(obj.data) - np.array(place), axis=1)
     vertex = int(miss.argmin())
     if miss[vertex] > MODIFIER_MISS * np.ptp(obj.bound_box, axis=0).max():
@@ -93,7 +97,7 @@ def _vertex_at(obj: bpy.types.Object, depsgraph: bpy.types.Depsgraph, place: Vec
             f"Modifiers show '{obj.name}' far from its mesh and with other vertices. Switch them off in the "
             "viewport to pick points"
         )
-    return vertex
+    return Place(obj.session_uid, (vertex,), (1.0,))
 
 
 class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
@@ -181,7 +185,10 @@ class SPECTRAL_MATCH_OT_pick_landmarks(Step, Operator):
         if region is None:
             return None
         pixel = (event.mouse_x - region.x, event.mouse_y - region.y)
-        return hit(context, region, pixel, (*found.source_pieces, *found.target_pieces))
+        place = hit(context, region, pixel, (*found.source_pieces, *found.target_pieces))
+        if place is None:
+            return None
+        return Point(place.object_uid, place.vertices[int(np.argmax(place.shares))])
 
     def _click(
         self,

@@ -190,12 +190,11 @@ def test_picking_below_a_scaled_parent(scene, scale):
     top = mesh_read.positions(body.data)[:, 2].argmax()
     place = body.data.vertices[top].co
     hit, near, _, face = body.closest_point_on_mesh(place, depsgraph=depsgraph)
-    assert hit and pick._vertex_at(body, depsgraph, near, face) == top
+    assert hit and pick._between_vertices(depsgraph, body, near, face).vertices == (top,)
     # Far from every vertex of the mesh itself there is nothing to pick.
     modifier.show_viewport = False
     body.modifiers.new("Screw", "SCREW").screw_offset = 10.0 / scale
     bpy.context.view_layer.update()
     with pytest.raises(UnusableObjectError, match="far from its mesh"):
-        pick._vertex_at(
-            body, bpy.context.evaluated_depsgraph_get(), place + Vector((0.0, 0.0, 9.0 / scale)), 0
-        )
+        far = place + Vector((0.0, 0.0, 9.0 / scale))
+        pick._between_vertices(bpy.context.evaluated_depsgraph_get(), body, far, 0)
