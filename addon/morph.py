@@ -14,8 +14,8 @@ GROUP = MODIFIER = "Spectral Match Morph"
 # Inputs of the group, made in this order, by their identifiers, which stay when somebody renames them.
 FACTOR, SOURCE, IN_PLACE, WIPE = "Socket_1", "Socket_2", "Socket_3", "Socket_4"
 
-# So that the first press shows something: the target as the source's surface.
-AT_FIRST = 1.0
+# So that the first press shows something: the source's surface, where the target stands.
+AT_FIRST = {FACTOR: 1.0, IN_PLACE: True}
 # What a modifier keeps when it is aimed at another source.
 HELD = (FACTOR, IN_PLACE, WIPE)
 # Attributes of a target that is morphed: the source's surface laid over the target, and how far along the
@@ -100,7 +100,7 @@ def add(target: bpy.types.Object, sources: Sequence[bpy.types.Object]) -> None:
         _use(modifier, make_group(name, len(sources)))
     for identifier, source in zip(_sources_of(modifier), sources, strict=True):
         set_value(modifier, identifier, source)
-    for way, held in ({FACTOR: AT_FIRST} | before).items():
+    for way, held in (AT_FIRST | before).items():
         set_value(modifier, way, held)
 
 

@@ -832,7 +832,8 @@ def test_one_slider_morphs_all_meshes(two):
     settings = bpy.context.scene.spectral_match
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
     modifiers = [morph.modifier_of(piece) for piece in mage.pieces]
-    assert len(modifiers) > 1 and all(modifiers) and settings.morph_factor == morph.AT_FIRST
+    assert len(modifiers) > 1 and all(modifiers)
+    assert settings.morph_factor == 1.0 and settings.morph_in_place
     settings.morph_factor = 0.25
     settings.morph_in_place, settings.morph_wipe = False, True
     for way, value in ((morph.FACTOR, 0.25), (morph.IN_PLACE, False), (morph.WIPE, True)):

@@ -93,12 +93,14 @@ def test_morph_moves_the_target_onto_the_source(pair):
     own, users = shown(target).copy(), source.users
     image = read_attribute(target.data.attributes["match_position"])
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
+    # The first press shows the whole way, where the target stands.
+    assert np.abs(shown(target) - own).max() > 0.0
+    np.testing.assert_allclose(shown(target), read_attribute(target.data.attributes[morph.FITTED]), atol=1e-5)
+    set_input(target, morph.IN_PLACE, False)
     placed = target.matrix_world.inverted() @ source.matrix_world
     there = image @ np.array(placed)[:3, :3].T + np.array(placed)[:3, 3]
     for factor in (1.0, 0.25, 0.0, 1.0):
-        # The first press shows the whole way.
-        if factor != morph.value(morph.modifier_of(target), morph.FACTOR):
-            set_input(target, morph.FACTOR, factor)
+        set_input(target, morph.FACTOR, factor)
         np.testing.assert_allclose(shown(target), own + factor * (there - own), atol=1e-4)
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
     assert not target.modifiers and morph.GROUP not in bpy.data.node_groups
@@ -123,7 +125,8 @@ def test_source_of_the_target_s_shape_laid_over_it_changes_nothing(twins, way):
     bpy.ops.spectral_match.morph()
     for factor in (1.0, 0.4):
         set_input(target, morph.FACTOR, factor)
-        set_input(target, way, True)
+        for each in (morph.IN_PLACE, morph.WIPE):
+            set_input(target, each, each == way)
         # A match of two copies takes vertices to their places to within 1 % of the body's size of 4.
         assert np.abs(shown(target) - own).max() < 0.04
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
@@ -187,6 +190,7 @@ def test_a_morph_goes_to_the_source_as_posed(posed):
     given, own, rig = posed
     before = in_world(own.obj).copy()
     assert bpy.ops.spectral_match.morph() == {"FINISHED"}
+    set_input(own.obj, morph.IN_PLACE, False)
     np.testing.assert_allclose(in_world(own.obj), in_world(given.obj), atol=1e-4)
     set_input(own.obj, morph.FACTOR, 0.5)
     np.testing.assert_allclose(in_world(own.obj), (before + in_world(given.obj)) / 2.0, atol=1e-4)
@@ -203,7 +207,8 @@ def test_what_is_laid_over_a_target_takes_its_pose(posed, way):
     _, own, _ = posed
     before = in_world(own.obj).copy()
     bpy.ops.spectral_match.morph()
-    set_input(own.obj, way, True)
+    for each in (morph.IN_PLACE, morph.WIPE):
+        set_input(own.obj, each, each == way)
     np.testing.assert_allclose(in_world(own.obj), before, atol=1e-4)
     set_input(own.obj, way, False)
     assert [each.type for each in own.obj.modifiers] == ["ARMATURE", "NODES"]
@@ -213,6 +218,7 @@ def test_a_morph_to_a_source_that_is_shown_with_other_vertices_goes_to_it_at_res
     given, own, _ = posed
     given.obj.modifiers.new("Fine", "SUBSURF")
     bpy.ops.spectral_match.morph()
+    set_input(own.obj, morph.IN_PLACE, False)
     rest = read_attribute(own.obj.data.attributes["match_position"])
     placed = np.array(given.obj.matrix_world)
     np.testing.assert_allclose(in_world(own.obj), rest @ placed[:3, :3].T + placed[:3, 3], atol=1e-4)
