@@ -15,7 +15,7 @@ from .typed import EnumItem
 
 
 class VIEW3D_PT_spectral_match_message(SubPanel, Panel):
-    """The result above stays where it is when this comes and goes."""
+    """The result above stays where it is when this comes and goes, as it does while other work runs."""
 
     bl_label = "Notes"
     bl_options = {"HIDE_HEADER"}
@@ -23,6 +23,9 @@ class VIEW3D_PT_spectral_match_message(SubPanel, Panel):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
+        job = job_module.current
+        if job is not None and job.button not in notice.BESIDE:
+            return False
         return bool(pair.matched(context)) if notice.done is not None else bool(notice.words)
 
     def draw(self, context: bpy.types.Context) -> None:

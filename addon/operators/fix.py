@@ -106,10 +106,6 @@ class SPECTRAL_MATCH_OT_alternative(JobOperator, Operator):
             return "The match found no other plausible map. Add landmarks to steer it"
         return ""
 
-    def forget(self) -> None:
-        """What a transfer brought is said on: the panel tells by which map it came."""
-        Step.forget(self)
-
     def begin(self, context: bpy.types.Context) -> "Generator[None, None, Job]":
         target = pair.matched(context)[0].lead
         stored = stored_match.require(target, pair.resolve(context).source)

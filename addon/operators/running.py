@@ -9,7 +9,7 @@ from typing import Any
 
 import bpy
 
-from .. import core, notice
+from .. import core
 from .. import job as job_module
 from ..job import Job
 from ..mesh_read import value_of
@@ -58,10 +58,6 @@ class JobOperator(Step):
 
     def conclude(self, context: bpy.types.Context, job: Job) -> Outcome:
         raise NotImplementedError
-
-    def forget(self) -> None:
-        """As with any step, but what a transfer brought is no longer said."""
-        notice.clear(self.said_at)
 
     def act(self, context: bpy.types.Context) -> Outcome:
         job = value_of(self.begin(context))

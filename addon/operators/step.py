@@ -76,12 +76,12 @@ class Step:
         return self.attempt(self.act, context)
 
     def forget(self) -> None:
-        """The words of an earlier step go.
+        """The words of an earlier step go, or those beside the button that was pressed.
 
-        What a transfer brought is said on, while it is looked at, compared and undone.
+        What a transfer brought is said on until other work is done, while it is looked at and compared.
         """
-        if notice.done is None:
-            notice.clear()
+        if notice.done is None or self.said_at in notice.BESIDE:
+            notice.clear(self.said_at)
 
     def attempt(self, work: Callable[..., Result], *arguments: Any) -> Result | Outcome:
         """Do the work; its failure becomes words."""
@@ -95,9 +95,13 @@ class Step:
         self.report(kinds, " ".join(spoken(words).splitlines()))
 
     def stopped(self, words: str) -> Outcome:
-        """Say that the artist stopped it, where it was pressed too: the status bar forgets soon."""
+        """Say that the artist stopped it, where it was pressed too: the status bar forgets soon.
+
+        What an earlier transfer brought, which is as it was, is rather said on.
+        """
         self.tell({"INFO"}, words)
-        notice.say(words, "INFO", self.said_at)
+        if notice.done is None or self.said_at in notice.BESIDE:
+            notice.say(words, "INFO", self.said_at)
         return {"CANCELLED"}
 
     def fail(self, words: str) -> Outcome:

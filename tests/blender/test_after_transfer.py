@@ -2,6 +2,7 @@
 """What an artist meets around a transfer: a summary, a stop, a search in lists, presets and menus."""
 
 from pathlib import Path
+from types import SimpleNamespace
 
 import bpy
 import numpy as np
@@ -14,6 +15,7 @@ from addon.mesh_read import value_of
 from addon.operators import carry as carrying
 from addon.operators import compare
 from addon.operators.carry import ADJUSTED, carry, done_words
+from addon.operators.step import Step
 from addon.transfer import LASTING, Carried, said_of_targets, said_once
 from addon.translation_table import TABLE
 
@@ -75,6 +77,18 @@ def test_what_came_is_said_until_the_next_match(bodies, scene):
     assert bpy.ops.spectral_match.transfer() == {"FINISHED"} and notice.done is not None
     assert bpy.ops.spectral_match.match() == {"FINISHED"}
     assert notice.done is None
+
+
+@pytest.mark.parametrize("button", ["spectral_match.match", notice.BESIDE[0]])
+def test_what_came_is_said_on_when_other_work_is_stopped(bodies, button):
+    stopped = "Match stopped; nothing was changed"
+    operator = SimpleNamespace(said_at=button, tell=lambda *_: None)
+    assert bpy.ops.spectral_match.transfer() == {"FINISHED"}
+    Step.stopped(operator, stopped)
+    assert notice.done is not None and notice.words != stopped
+    notice.clear()
+    Step.stopped(operator, stopped)
+    assert stopped in (notice.words, notice.beside.get(button, ("",))[0])
 
 
 def test_one_kind_without_a_plural_is_not_counted():
