@@ -396,7 +396,11 @@ MESSAGES = (
         "マッチと転送の設定を初期値に戻しました",
         "匹配与传递的设置已恢复默认",
     ),
-    ("No prepared meshes are left in {}", "{} の準備済みメッシュを消去しました", "{} 中的预处理网格已清空"),
+    (
+        "{} MB freed; no prepared meshes are left in {}",
+        "{} MB を解放し、{} の準備済みメッシュを消去しました",
+        "已释放 {} MB，{} 中的预处理网格已清空",
+    ),
     (
         "No meshes are kept on disk: Keep Prepared Meshes is off",
         "「準備済みメッシュを保存」がオフなので、何も保存されていません",

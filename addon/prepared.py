@@ -59,9 +59,10 @@ def forget() -> None:
         _kept.clear()
 
 
-def clear(storage: Storage) -> None:
-    """Remove what the folder keeps."""
+def clear(storage: Storage) -> int:
+    """Remove what the folder keeps, and return how many bytes that took."""
     core.load()
     from sgmds import cache
 
-    cache.ShapeCache(storage.folder, storage.limit).clear()
+    freed: int = cache.ShapeCache(storage.folder, storage.limit).clear()
+    return freed

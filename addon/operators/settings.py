@@ -126,10 +126,10 @@ class SPECTRAL_MATCH_OT_clear_cache(Step, Operator):
         if storage is None:
             raise UnusableObjectError("No meshes are kept on disk: Keep Prepared Meshes is off")
         try:
-            prepared.clear(storage)
+            freed = prepared.clear(storage)
         except OSError as reason:
             raise UnusableObjectError(f"The cache cannot be cleared: {reason}") from reason
-        self.tell({"INFO"}, f"No prepared meshes are left in {storage.folder}")
+        self.tell({"INFO"}, f"{freed / 1e6:.1f} MB freed; no prepared meshes are left in {storage.folder}")
         return {"FINISHED"}
 
 

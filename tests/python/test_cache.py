@@ -106,8 +106,9 @@ def test_size_is_bounded_and_the_oldest_go_first(bodies, tmp_path):
     cache.shape(*bodies[2])
     kept = {path.stem for path in cache.entries()}
     assert kept == {mesh_key(*bodies[0]), mesh_key(*bodies[2])}
-    assert sum(path.stat().st_size for path in cache.entries()) <= cache.limit
-    cache.clear()
+    sizes = [path.stat().st_size for path in cache.entries()]
+    assert sum(sizes) <= cache.limit
+    assert cache.clear() == sum(sizes)
     assert cache.entries() == []
 
 

@@ -137,9 +137,9 @@ class ShapeCache:
         """Files of the shapes kept, least recently used first."""
         return self._entries_in(self.folder)
 
-    def clear(self):
-        """Removes every shape kept."""
-        self._make_room(0)
+    def clear(self) -> int:
+        """Removes every shape kept, and returns how many bytes they took."""
+        return self._make_room(0)
 
     def _kept(self, path, vertices, faces):
         shape = Shape.load(path)
@@ -181,7 +181,9 @@ class ShapeCache:
                 if not place.exists():
                     path.rename(place)
 
-    def _make_room(self, limit):
+    def _make_room(self, limit) -> int:
+        """Removes entries until the others take `limit` bytes together; returns how many were freed."""
+        freed = 0
         with self._acquire("room", None):
             self._move_in()
             sizes = {}
@@ -196,11 +198,13 @@ class ShapeCache:
                 with contextlib.suppress(PermissionError):
                     path.unlink(missing_ok=True)
                     excess -= size
+                    freed += size
             for path in self.folder.glob(".*"):
                 name = re.fullmatch(REMAINS, path.name)
                 with contextlib.suppress(FileNotFoundError, PermissionError):
                     if name and re.fullmatch(ENTRY, name[1]) and self._is_abandoned(path):
                         path.unlink()
+        return freed
 
     @staticmethod
     def _is_abandoned(path):
