@@ -279,17 +279,24 @@ def steps():
     yield from window.until(lambda: troll().modifiers, "the morph")
     modifier = troll().modifiers[0]
     assert modifier.type == "NODES"
-    on_source = Vector(shown_centre(troll()))
     morph = addon("morph")
+    modelled = sum((v.co for v in troll().data.vertices), Vector()) / len(troll().data.vertices)
+
+    def away():
+        return (Vector(shown_centre(troll())) - modelled).length
+
+    assert away() < 0.3, "a morph begins where the target stands"
     morph.set_value(modifier, morph.FACTOR, 0.5)
     bpy.context.view_layer.update()
     yield from window.shot("07_morph")
-    assert (Vector(shown_centre(troll())) - on_source).length > 1.0, "the morph moves the target"
     morph.set_value(modifier, morph.WIPE, True)
     bpy.context.view_layer.update()
     yield from window.shot("07_wipe")
-    modelled = sum((v.co for v in troll().data.vertices), Vector()) / len(troll().data.vertices)
-    assert (Vector(shown_centre(troll())) - modelled).length < 0.3, "a wipe stays where the target stands"
+    assert away() < 0.3, "a wipe stays where the target stands"
+    for way in (morph.IN_PLACE, morph.WIPE):
+        morph.set_value(modifier, way, False)
+    bpy.context.view_layer.update()
+    assert away() > 1.0, "a morph that is not in place moves the target to the source"
     yield from window.press("spectral_match.morph", 0.75)
     yield from window.until(lambda: not troll().modifiers, "the end of the morph")
     yield from window.press("spectral_match.lines", 0.25)
