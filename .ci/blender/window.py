@@ -163,6 +163,14 @@ def find(command, share=0.5, *, below=0):
     return None
 
 
+def is_at(command, row, share=0.5, *, asked=10):
+    """`yield from`: whether the button with this command is at this row; a busy window answers late."""
+    for _ in range(asked):
+        if command in (yield from _command_at(share, row)):
+            return True
+    return False
+
+
 def press(command, share=0.5):
     """`yield from`: click the button with this command."""
     row = yield from find(command, share)

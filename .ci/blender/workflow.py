@@ -308,8 +308,8 @@ def steps():
         yield from window.press("spectral_match.alternative(step=1)")
         yield from idle("the alternative")
         assert stored().alternative == 1
-        again = yield from window.find("spectral_match.alternative(step=1)")
-        assert again == stepper, "the arrows stay under the pointer"
+        stays = yield from window.is_at("spectral_match.alternative(step=1)", stepper)
+        assert stays, "the arrows stay under the pointer"
         yield from window.shot("09_alternative")
         yield from undo(lambda: stored().alternative == 0, "one undo to take back the alternative")
     yield from window.press("spectral_match.swap_sides")
@@ -364,7 +364,7 @@ def steps():
     assert len(troll().data.uv_layers) == 1
     yield from idle("the end of the transfer")
     yield from window.shot("15_transferred")
-    assert place == (yield from window.find("spectral_match.transfer()")), "Transfer stays under the pointer"
+    assert (yield from window.is_at("spectral_match.transfer()", place)), "Transfer stays under the pointer"
     yield from adjust(troll, lambda: not troll().data.uv_layers, "a transfer without UV maps")
     assert len(troll().vertex_groups) == 3
     assert not bpy.context.scene.spectral_match.use_uv, "the panel shows what was adjusted"
