@@ -20,8 +20,11 @@ from .typed import EnumItem, PanelState, Settings
 PANEL_MARGIN, BOX_MARGIN, ICON_WIDTH = 60, 10, 20
 # The button that hides a message, with the gap before it.
 CROSS_WIDTH = 34
-# A word with the space before it, or one sign of Chinese or Japanese with the marks that end it.
-PORTIONS = re.compile(r"[\u3000-\u9fff\uff00-\uffef][、。,:;」”)]*|\s*[^\s\u3000-\u9fff\uff00-\uffef]+|\s+")
+# A word with the space before it, or one sign of Chinese or Japanese, with the marks that open and end it.
+PORTIONS = re.compile(
+    r"\s*[（「“]*(?:[\u3000-\u9fff\uff00-\uffef]|[^\s（「“\u3000-\u9fff\uff00-\uffef]+|[“])"
+    r"[、。，：；？）」”,:;)]*|\s+"
+)
 BIG = 1.6
 
 

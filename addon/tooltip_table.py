@@ -11,35 +11,35 @@ TOOLTIPS = (
     (
         "Match the source to every target and carry the checked data over, in one go",
         "転送元をすべての転送先にマッチし、チェックしたデータをまとめて転送します",
-        "一次完成:将来源与每个目标匹配,并传递已勾选的数据",
+        "一次完成：将来源与每个目标匹配，并传递已勾选的数据",
     ),
     (
         "Stop; nothing is changed, except that targets of a batch that are done already stay matched",
         "停止します。何も変更されませんが、一括処理で完了した転送先のマッチは残ります",
-        "停止;不做任何更改,但批量中已完成的目标保持匹配",
+        "停止；不做任何更改，但批量中已完成的目标保持匹配",
     ),
     ("Hide this message", "このメッセージを隠します", "隐藏此消息"),
     (
         "Show the target as it was before the transfer, or with all that came and was done since",
         "転送前の転送先、または転送されたものとその後の変更を含む転送先を表示します",
-        "显示传递之前的目标,或带有传递内容与此后更改的目标",
+        "显示传递之前的目标，或带有传递内容与此后更改的目标",
     ),
     (
         "Exchange source and target: the other mesh gives the data",
         "転送元と転送先を交換し、もう一方のメッシュからデータを転送します",
-        "交换来源与目标:由另一网格提供数据",
+        "交换来源与目标：由另一网格提供数据",
     ),
     (
         "Keep this source and this target whatever is selected, or let the selection decide again",
         "選択に関わらずこの転送元と転送先を使うか、再び選択に従います",
-        "无论选择什么都保持此来源与目标,或重新由选择决定",
+        "无论选择什么都保持此来源与目标，或重新由选择决定",
     ),
     (
         "Keep these two objects whatever is selected. Else the active object is source and the other "
         "selected meshes are the targets",
-        "選択に関わらずこの2つのオブジェクトを使います。オフではアクティブが転送元、他の選択メッシュが転送"
-        "先です",
-        "无论选择什么都保持这两个物体。否则活动物体为来源,其他所选网格为目标",
+        "選択に関わらずこの 2 つのオブジェクトを使います。オフでは、アクティブなものが転送元、他の"
+        "選択メッシュが転送先です",
+        "无论选择什么都保持这两个物体。否则活动物体为来源，其他所选网格为目标",
     ),
     (
         "The character that has the data to be carried over",
@@ -49,38 +49,38 @@ TOOLTIPS = (
     ("The character that receives the data", "データを受け取るキャラクター", "接收数据的角色"),
     (
         "A collection whose meshes are the character that has the data",
-        "メッシュがデータを持つキャラクターであるコレクション",
-        "其网格为拥有数据的角色的集合",
+        "データを渡すキャラクターのメッシュが入ったコレクション",
+        "包含提供数据的角色网格的集合",
     ),
     (
         "A collection whose meshes are the character that receives the data",
-        "メッシュがデータを受け取るキャラクターであるコレクション",
-        "其网格为接收数据的角色的集合",
+        "データを受け取るキャラクターのメッシュが入ったコレクション",
+        "包含接收数据的角色网格的集合",
     ),
     (
         "Match this mesh with its character, or leave it out",
         "このメッシュをキャラクターと一緒にマッチするか、除外します",
-        "将此网格与其角色一起匹配,或将其排除",
+        "将此网格与其角色一起匹配，或将其排除",
     ),
     (
         "Let all meshes take part again that are neither hidden nor held in a hand",
-        "隠れておらず手に持たれてもいないメッシュを、すべて再び参加させます",
-        "让所有未隐藏且未握在手中的网格重新参与",
+        "非表示のものと手に持っているものを除き、すべてのメッシュを対象に戻します",
+        "让所有网格重新参与，隐藏的和握在手中的除外",
     ),
     (
         "Takes part unless it is hidden or held in a hand",
-        "隠れているか手に持たれていない限り参加します",
-        "除非隐藏或握在手中,否则参与",
+        "非表示のものと手に持っているものを除き、対象になります",
+        "参与匹配，除非隐藏或握在手中",
     ),
-    ("Is matched with its character", "キャラクターと一緒にマッチされます", "与其角色一起匹配"),
+    ("Is matched with its character", "キャラクターと一緒にマッチします", "与其角色一起匹配"),
     (
         "Is left out when its character is matched",
-        "キャラクターのマッチから除外されます",
+        "キャラクターのマッチから除外します",
         "匹配其角色时被排除",
     ),
     (
         "Whether this mesh takes part when its character is matched",
-        "キャラクターのマッチにこのメッシュが参加するか",
+        "キャラクターをマッチするとき、このメッシュを対象にするかどうか",
         "匹配角色时此网格是否参与",
     ),
     (
@@ -88,12 +88,12 @@ TOOLTIPS = (
         "meshes by themselves",
         "どれを選んでもキャラクターの全メッシュをまとめてマッチします。オフでは選んだメッシュだけをマッチし"
         "ます",
-        "无论选中哪个,都将角色的所有网格一起匹配。关闭:仅匹配所选网格",
+        "无论选中哪个，都将角色的所有网格一起匹配。关闭：仅匹配所选网格",
     ),
     (
         "Match the meshes as modelled, with rigs at rest, without modifiers and shape keys",
         "リグはレスト状態、モディファイアーとシェイプキーなしの元の形でマッチします",
-        "按建模形状匹配:骨架处于静置姿态,不含修改器与形态键",
+        "按原始形状匹配：骨架处于静置姿态，不含修改器与形态键",
     ),
     (
         "Match the meshes as rigs, modifiers and shape keys show them now. Modifiers that add or remove "
@@ -110,29 +110,29 @@ TOOLTIPS = (
     ),
     (
         "The source is a piece of the target, for example a bust against a whole body",
-        "転送元は転送先の一部です(例: 全身に対する胸像)",
-        "来源是目标的一部分,例如半身像对全身",
+        "転送元は転送先の一部です（例: 全身に対する胸像）",
+        "来源是目标的一部分，例如半身像对全身",
     ),
     (
         "The target is a piece of the source, for example a hand against a whole body",
-        "転送先は転送元の一部です(例: 全身に対する手)",
-        "目标是来源的一部分,例如手对全身",
+        "転送先は転送元の一部です（例: 全身に対する手）",
+        "目标是来源的一部分，例如手对全身",
     ),
     (
         "Say so when one of the two is only a piece of the other",
         "一方が他方の一部である場合に指定します",
-        "若两者之一只是另一方的局部,请在此指明",
+        "若两者之一只是另一方的局部，请在此指明",
     ),
     (
         "Also accept a match that turns left into right, as between a left and a right hand",
         "左手と右手のように、左右が反転するマッチも受け入れます",
-        "也接受左右颠倒的匹配,例如左手与右手之间",
+        "也接受左右颠倒的匹配，例如左手与右手之间",
     ),
     (
         "Left, front and up are the same directions on both: tells the sides of a body apart that is its "
         "own mirror image",
         "左、前、上の向きが両者で同じです。左右対称な体の左右を区別します",
-        "两者的左、前、上方向相同:用于区分左右对称身体的两侧",
+        "两者的左、前、上方向相同：用于区分左右对称身体的两侧",
     ),
     # Look and fix.
     (
@@ -142,34 +142,34 @@ TOOLTIPS = (
     ),
     (
         "Blue where the match is sure, yellow where it is not",
-        "マッチが確実な所は青、不確実な所は黄",
-        "匹配可靠处为蓝色,不可靠处为黄色",
+        "マッチが確実な所は青、不確実な所は黄色",
+        "匹配可靠处为蓝色，不可靠处为黄色",
     ),
-    ("Color the viewport as before", "ビューポートの色を元に戻します", "恢复视图原来的着色"),
+    ("Color the viewport as before", "ビューポートの色を元に戻します", "恢复视图原来的颜色"),
     (
         "Color the two meshes in the viewport",
-        "ビューポートで2つのメッシュに色を付けます",
+        "ビューポートで 2 つのメッシュに色を付けます",
         "在视图中为两个网格着色",
     ),
     (
         "Draw lines between points spread over the target and their places on the source: blue where the "
         "match is sure, yellow where it is not",
-        "転送先の点と転送元の対応点を線で結びます。確実な所は青、不確実な所は黄",
-        "在目标各点与其来源位置之间画线:可靠处为蓝色,不可靠处为黄色",
+        "転送先の点と転送元の対応点を線で結びます。確実な所は青、不確実な所は黄色",
+        "在目标各点与其来源位置之间画线：可靠处为蓝色，不可靠处为黄色",
     ),
     (
         "Give the target a Geometry Nodes modifier that moves every vertex to its place on the source, by "
         "a factor. Pressed again, take it away",
         "各頂点を係数に応じて転送元上の位置へ動かすジオメトリノードを転送先に付けます。もう一度押すと外しま"
         "す",
-        "为目标添加几何节点修改器,按系数将每个顶点移到来源上的位置。再按一次则移除",
+        "为目标添加几何节点修改器，按系数将每个顶点移到来源上的位置。再按一次则移除",
     ),
     (
         "Rest the pointer on one character and see the matching point on the other. Esc ends it",
         "一方のキャラクターにポインターを置くと、もう一方の対応点が見えます。Esc で終了",
-        "将指针停在一个角色上,即可看到另一角色上的对应点。按 Esc 结束",
+        "将指针停在一个角色上，即可看到另一角色上的对应点。按 Esc 结束",
     ),
-    ("Show what the matcher measured", "マッチングの測定値を表示します", "显示匹配时的测量值"),
+    ("Show what the matcher measured", "マッチの測定値を表示します", "显示匹配时的测量值"),
     (
         "Take the next of the maps that the match found. Useful when limbs, or front and back, are exchanged",
         "マッチで見つかった次のマップを使います。手足や前後が入れ替わった場合に有効です",
@@ -177,13 +177,13 @@ TOOLTIPS = (
     ),
     (
         "1 for the next map, -1 for the previous one",
-        "1 で次、-1 で前のマップ",
-        "1 为下一个映射,-1 为上一个",
+        "1 で次のマップ、-1 で前のマップ",
+        "1 为下一个映射，-1 为上一个",
     ),
     (
         "Match again, this time to the map that exchanges left and right",
         "左右を入れ替えたマップで再マッチします",
-        "重新匹配,这次采用交换左右的映射",
+        "重新匹配，这次采用交换左右的映射",
     ),
     (
         "Look for the map that exchanges left and right",
@@ -194,16 +194,16 @@ TOOLTIPS = (
         "Click a point on one mesh and the same point on the other, as often as you like. The next match "
         "takes the map that keeps them together",
         "一方のメッシュの点ともう一方の同じ点を、好きなだけクリックします。次のマッチはそれらを対応させます",
-        "点击一个网格上的点,再点击另一网格上的同一点,可重复多次。下次匹配将使它们对应",
+        "点击一个网格上的点，再点击另一网格上的同一点，可重复多次。下次匹配将使它们对应",
     ),
     ("Remove the chosen landmark", "選んだランドマークを削除します", "移除所选标志点"),
     (
         "Turn the view to the chosen landmark, seen from straight above the surface",
         "選んだランドマークを面の真上から見るようにビューを回します",
-        "将视图转到所选标志点,从表面正上方观看",
+        "将视图转到所选标志点，从表面正上方观看",
     ),
-    ("On the source", "転送元の上", "在来源上"),
-    ("On the target", "転送先の上", "在目标上"),
+    ("On the source", "転送元にある点", "来源上的点"),
+    ("On the target", "転送先にある点", "目标上的点"),
     ("Chosen pair of landmarks", "選んだランドマークの組", "所选的标志点对"),
     # Transfer.
     (
@@ -211,20 +211,20 @@ TOOLTIPS = (
         "チェックしたデータを、マッチ済みのすべての転送先へ転送します",
         "将已勾选的数据从来源传递到每个已匹配的目标",
     ),
-    ("Carry this over, or leave it behind", "これを転送するか、残します", "传递此项,或不传递"),
+    ("Carry this over, or leave it behind", "これを転送するかどうかを切り替えます", "切换是否传递此项"),
     (
         "Fit with the outfit, or leave to the character, all that the search finds",
         "検索に合うものをすべて衣装に含めるか、キャラクターに残します",
-        "将搜索到的全部项归入服装,或留给角色",
+        "将搜索到的全部项归入服装，或留给角色",
     ),
     (
         "Hide this piece of the target in viewport and render, or show it again. Nothing is deleted",
         "転送先のこの部分をビューポートとレンダーで隠すか、再び表示します。何も削除されません",
-        "在视图和渲染中隐藏目标的这一部分,或重新显示。不会删除任何内容",
+        "在视图和渲染中隐藏目标的这一部分，或重新显示。不会删除任何内容",
     ),
     (
         "Carry over, or leave behind, all that the search finds",
-        "検索に合うものをすべて転送するか、残します",
+        "検索に合うものをまとめて、転送するかどうかを切り替えます",
         "传递或不传递搜索到的全部项",
     ),
     (
@@ -236,12 +236,12 @@ TOOLTIPS = (
     (
         "Move all matched meshes to their places on the source: 0 is the target's own shape, 1 the source's",
         "マッチしたすべてのメッシュを転送元の位置へ動かします。0 は転送先、1 は転送元の形です",
-        "将所有已匹配的网格移到来源上的位置:0 为目标自身形状,1 为来源形状",
+        "将所有已匹配的网格移到来源上的位置：0 为目标自身形状，1 为来源形状",
     ),
     (
         "Lay the source's shape over the target instead of moving it there",
         "転送先を動かさず、転送元の形をその場で重ねます",
-        "不移动目标,而是将来源的形状叠加到目标上",
+        "不移动目标，而是将来源的形状叠加到目标上",
     ),
     (
         "Go over to the source's shape from one end of the body to the other",
@@ -269,7 +269,7 @@ TOOLTIPS = (
     (
         "Carry UV maps, cut where the source's seams fall",
         "UVマップを転送元のシームの位置で切って転送します",
-        "传递 UV 贴图,并在来源缝合边处切开",
+        "传递 UV 贴图，并在来源缝合边处切开",
     ),
     (
         "Carry material slots and which face has which material",
@@ -280,7 +280,7 @@ TOOLTIPS = (
     (
         "Carry other attributes of points, edges, corners and faces",
         "点、辺、コーナー、面のその他の属性を転送します",
-        "传递点、边、面角与面的其他属性",
+        "传递点、边、面拐与面的其他属性",
     ),
     (
         "Bake the source's image textures into the target's own UV layout. A target without one shows them "
@@ -291,48 +291,48 @@ TOOLTIPS = (
     (
         "Fit the source's armature to the target, which it then deforms",
         "転送元のアーマチュアを転送先に合わせ、変形させます",
-        "使来源的骨架适配目标,并由其驱动变形",
+        "使来源的骨架适配目标，并由其驱动变形",
     ),
     (
         "Copy eyes, teeth, clothes and hair that are objects of their own, fitted to the target",
         "別オブジェクトの目、歯、服、髪を、転送先に合わせてコピーします",
-        "复制作为独立物体的眼、牙、衣服与头发,并适配目标",
+        "复制作为独立物体的眼、牙、衣服与头发，并适配目标",
     ),
     (
         "Give the fitted rig copies of the actions, fitted to the target's rest pose and the length of its "
         "legs. Off: they play as they are",
         "転送先のレストポーズと脚の長さに合わせたアクションのコピーを使います。オフではそのまま再生します",
-        "为适配后的绑定提供动作副本,按目标的静置姿态与腿长调整。关闭:按原样播放",
+        "为适配后的绑定提供动作副本，按目标的静置姿态与腿长调整。关闭：按原样播放",
     ),
     (
         "Make movements larger or smaller with the parts they move. Off: turn them only",
         "動く部分の大きさに応じて動きを拡縮します。オフでは向きだけ変えます",
-        "动作幅度随所移动部分的大小缩放。关闭:仅旋转方向",
+        "动作幅度随所移动部分的大小缩放。关闭：仅旋转方向",
     ),
     (
         "What a key brings together, as lids or lips, meets on the target too. Off, or where movements are "
         "turned only: it may stay apart or overlap",
         "まぶたや唇のように、キーで合わさる部分を転送先でも合わせます。オフのとき、または動きの向きだけを変える"
         "ときは、離れたままになったり重なったりすることがあります",
-        "键使之相接的部分(如眼睑或嘴唇)在目标上也相接。关闭时,或仅旋转动作时:可能分开或重叠",
+        "形态键使其合拢的部分（如眼睑或嘴唇）在目标上也会合拢。关闭时，或动作只作旋转时：可能留有缝隙或重叠",
     ),
     (
         "Make no keys that move nothing on the target, as those of a face on a shirt. Keys that move "
         "nothing on the source are carried",
         "シャツに対する顔のキーのように、転送先で何も動かさないキーは作りません。転送元で動かないキーは転送"
         "します",
-        "不创建在目标上不移动任何东西的键,如衬衫上的面部键。来源上本就无变化的键照常传递",
+        "不创建在目标上不移动任何东西的键，如衬衫上的面部键。来源上本就无变化的键照常传递",
     ),
     (
         "UV map of the target to bake into. Empty: the active one, or the first other one where the "
         "source's comes in its place",
         "ベイク先の転送先UVマップ。空の場合はアクティブなもの、それが置き換わる場合は最初の別のもの",
-        "烘焙到的目标 UV 贴图。留空:使用活动项;若其被来源替换,则用首个其他贴图",
+        "烘焙到的目标 UV 贴图。留空：使用活动项；若其被来源替换，则用首个其他贴图",
     ),
     (
         "When to give the target a new UV map by Smart UV Project, beside its own, and bake into that",
         "スマートUV投影で転送先に新しい UVマップを追加し、そこへベイクする条件。既存のものは残ります",
-        "何时用智能 UV 投射为目标添加新的 UV 贴图并烘焙到其中;原有贴图保留",
+        "何时用智能 UV 投射为目标添加新的 UV 贴图并烘焙到其中；原有贴图保留",
     ),
     (
         "Bake into a UV map of its own in any case",
@@ -342,14 +342,14 @@ TOOLTIPS = (
     (
         "Where places that should look different share texels of its own UV map, as in a palette, or where "
         "nothing else shows the textures",
-        "既存の UVマップで別の絵になるべき場所が同じテクセルを使う場合(パレットなど)、"
+        "既存の UVマップで別の絵になるべき場所が同じテクセルを使う場合（パレットなど）、"
         "または他にテクスチャを表示する方法がない場合",
-        "原有 UV 贴图中应不同的部位共用像素(如调色板),或没有其他方式显示纹理时",
+        "原有 UV 贴图中本应不同的部位共用纹素（如调色板），或没有其他方式显示纹理时",
     ),
     (
         "Where its own UV map overlaps at all, or it has none",
         "既存の UVマップが重なっているか、存在しない場合",
-        "原有 UV 贴图有任何重叠,或没有 UV 贴图时",
+        "原有 UV 贴图有任何重叠，或没有 UV 贴图时",
     ),
     ("Size of the baked images", "ベイクする画像のサイズ", "烘焙图像的尺寸"),
     (
@@ -372,59 +372,60 @@ TOOLTIPS = (
         "Write over UV maps of the target that have the names of the source's. Off: those stay, and the "
         "source's come beside them",
         "転送元と同名のUVマップを上書きします。オフでは残し、転送元のものを別に追加します",
-        "覆盖目标中与来源同名的 UV 贴图。关闭:保留原有,来源的另行添加",
+        "覆盖目标中与来源同名的 UV 贴图。关闭：保留原有，来源的另行添加",
     ),
     (
         "Cut the faces of a target that has no UV map of its own where a seam of the source runs through "
         "them, so that textures fit. Off: its topology stays",
         "UVマップのない転送先の面を、転送元のシームが通る所で切り、テクスチャを合わせます。オフではトポロジ"
         "ーを保ちます",
-        "对没有 UV 贴图的目标,在来源缝合边穿过处切开面,使纹理吻合。关闭:保持拓扑",
+        "对没有 UV 贴图的目标，在来源缝合边穿过处切开面，使纹理吻合。关闭：保持拓扑",
     ),
     (
         "Cut the target's faces where a seam of the source runs through them, whatever UV maps it has. "
         "Changes the target's topology: it gets more vertices and faces",
         "UVマップに関わらず、転送元のシームが通る所で面を切ります。転送先の頂点と面が増えます",
-        "无论目标有何 UV 贴图,都在来源缝合边穿过处切开面。目标拓扑会改变:顶点与面增多",
+        "无论目标有何 UV 贴图，都在来源缝合边穿过处切开面。目标拓扑会改变：顶点与面增多",
     ),
     (
         "Keep only the strongest weights of each vertex",
         "各頂点の最も強いウェイトだけを残します",
         "只保留每个顶点最强的权重",
     ),
-    ("Game engines usually take 4", "ゲームエンジンでは通常 4", "游戏引擎通常为 4"),
+    ("Game engines usually take 4", "ゲームエンジンでは通常 4 です", "游戏引擎通常为 4"),
     (
         "Scale each vertex's weights back to the sum that came across: 1 if the source's weights sum to 1",
-        "各頂点のウェイトを転送された合計に戻します。転送元の合計が1なら1になります",
-        "将每个顶点的权重缩放回传来的总和:来源总和为 1 则为 1",
+        "各頂点のウェイトの合計を、転送された合計に合わせます。転送元の合計が 1 なら 1 になります",
+        "将每个顶点的权重缩放回传来的总和：来源总和为 1 则为 1",
     ),
     (
         "How much of the source's weights the groups get; the rest is what they have",
-        "グループが受け取る転送元ウェイトの割合。残りは元の値です",
-        "顶点组取来源权重的比例;其余为原有权重",
+        "グループが受け取る転送元のウェイトの割合。残りは元の値です",
+        "顶点组取来源权重的比例；其余为原有权重",
     ),
     (
         "On a target with a rig, weights of its other bones make room for what is carried, so that they "
         "sum to 1. Locked groups stay",
-        "リグのある転送先で、他のボーンのウェイトを減らして合計を1にします。ロックしたグループは変わりません",
-        "对已有绑定的目标,其他骨骼的权重为传来的权重让位,使总和为 1。锁定的组不变",
+        "リグのある転送先で、他のボーンのウェイトを減らして合計を 1 にします。ロックしたグループは"
+        "変わりません",
+        "目标已有绑定时，降低其他骨骼的权重，使其与传来的权重之和为 1。锁定的组不变",
     ),
     (
         "Replaced where Armature is carried, else kept",
         "アーマチュアを転送する場合は置換、しない場合は維持",
-        "传递骨架时替换,否则保留",
+        "传递骨架时替换，否则保留",
     ),
     (
         "The source's rig takes its place where Armature is carried; its own stays, with the modifier off "
         "and its groups beside the new ones",
         "アーマチュアを転送する場合、転送元のリグに置き換わります。元のリグはモディファイアーをオフにして残"
         "ります",
-        "传递骨架时由来源的绑定取代;原绑定保留,其修改器关闭,原有组与新组并存",
+        "传递骨架时由来源的绑定取代；原绑定保留，其修改器关闭，原有组与新组并存",
     ),
     (
         "It stays, and weights go to those of its bones that hold the same surface",
         "元のリグを残し、同じ面を持つボーンへウェイトを転送します",
-        "保留原绑定,权重分给其中控制同一表面的骨骼",
+        "保留原绑定，权重分给其中控制同一表面的骨骼",
     ),
     (
         "What becomes of a rig that the target has already",
@@ -440,25 +441,25 @@ TOOLTIPS = (
     (
         "Where the match is less sure than this, fill weights from the surroundings instead; 0 takes every "
         "image",
-        "マッチの確実さがこれ未満の所は、周囲からウェイトを補います。0 ではすべて採用します",
-        "匹配把握低于此值处,改由周围填充权重;0 表示全部采用",
+        "マッチの信頼度がこれ未満の所は、周囲からウェイトを補います。0 ではすべて採用します",
+        "匹配的置信度低于此值处，改由周围填充权重；0 表示全部采用",
     ),
     (
         "Exchange left and right, however they are written, in the names of vertex groups, shape keys and "
         "bones: for a match that turned left into right",
         "左右が反転したマッチのため、頂点グループ、シェイプキー、ボーンの名前の左右を入れ替えます",
-        "交换顶点组、形态键与骨骼名称中的左右(无论写法):用于左右颠倒的匹配",
+        "交换顶点组、形态键与骨骼名称中的左右（无论写法）：用于左右颠倒的匹配",
     ),
     (
         "A vertex group of the target: only its vertices are written. Empty: all are",
         "転送先の頂点グループ。その頂点だけに書き込みます。空の場合はすべて",
-        "目标的顶点组:只写入其顶点。留空:全部写入",
+        "目标的顶点组：只写入其顶点。留空：全部写入",
     ),
     # Settings.
     (
         "Keep the settings of match and transfer under a name, or remove the chosen preset",
         "マッチと転送の設定を名前を付けて保存するか、選んだプリセットを削除します",
-        "以名称保存匹配与传递的设置,或移除所选预设",
+        "以名称保存匹配与传递的设置，或移除所选预设",
     ),
     (
         "Set everything about match and transfer back to its default. Objects, landmarks and matches stay",
@@ -472,25 +473,25 @@ TOOLTIPS = (
     ),
     (
         "Processor threads a match may use; 0 takes all. The result does not depend on it",
-        "マッチに使うスレッド数。0 で全部。結果は変わりません",
-        "匹配可用的处理器线程数;0 为全部。结果与此无关",
+        "マッチに使うスレッド数。0 ではすべて使います。結果は変わりません",
+        "匹配可用的处理器线程数；0 为全部。结果与此无关",
     ),
     ("Search for the best map and refine it", "最良のマップを探して調整します", "搜索最佳映射并加以细化"),
     (
         "The published algorithm and nothing else: for comparison in research, less exact and slower",
         "論文のアルゴリズムのみ。研究での比較用で、精度が低く遅くなります",
-        "仅用已发表的算法:供研究比较,精度较低且较慢",
+        "仅用已发表的算法：供研究比较，精度较低且较慢",
     ),
     ("How every match is computed", "マッチの計算方法", "匹配的计算方式"),
     (
         "Color both meshes so that matching points have the same color",
         "対応点が同じ色になるように両方のメッシュに色を付けます",
-        "为两个网格着色,使对应点颜色相同",
+        "为两个网格着色，使对应点颜色相同",
     ),
     (
         "Color the targets by how sure the match is",
-        "マッチの確実さで転送先に色を付けます",
-        "按匹配的把握为目标着色",
+        "マッチの信頼度で転送先に色を付けます",
+        "按匹配的置信度为目标着色",
     ),
     ("Do not touch the viewport", "ビューポートを変えません", "不改动视图"),
     (
@@ -501,21 +502,21 @@ TOOLTIPS = (
     (
         "Keep what was computed of each mesh on disk, so that its next match starts half done, in another "
         "session too",
-        "各メッシュの計算結果をディスクに保存し、次のマッチを途中から始めます(再起動後も有効)",
-        "将每个网格的计算结果存到磁盘,使下次匹配从半程开始,重启后亦然",
+        "各メッシュの計算結果をディスクに保存し、次のマッチを途中から始めます（再起動後も有効）",
+        "将每个网格的计算结果存到磁盘，使下次匹配只需计算其余部分，重启后亦然",
     ),
     (
         "Where prepared meshes are kept, in a sub-folder sgmds-shapes; other files there are left alone. "
         "Empty is a folder of this extension's own",
-        "準備済みメッシュの保存先(サブフォルダー sgmds-shapes)。他のファイルには触れません。空の場合は専用"
+        "準備済みメッシュの保存先（サブフォルダー sgmds-shapes）。他のファイルには触れません。空の場合は専用"
         "フォルダー",
-        "预处理网格的保存位置(子文件夹 sgmds-shapes);其他文件不受影响。留空则用本扩展自己的文件夹",
+        "预处理网格的保存位置（子文件夹 sgmds-shapes）；其他文件不受影响。留空则用本扩展自己的文件夹",
     ),
     (
         "When prepared meshes take more than this, those used longest ago are removed. A mesh of 20,000 "
         "vertices takes 0.013",
         "これを超えると、最も長く使われていないものから削除します。20,000 頂点のメッシュは 0.013 です",
-        "预处理网格超过此大小时,移除最久未用者。20,000 个顶点的网格占 0.013",
+        "预处理网格超过此大小时，移除最久未用者。20,000 个顶点的网格占 0.013",
     ),
     (
         "Added to the distance between skin and cloth. Outfits fitted since the file was opened "
@@ -531,30 +532,30 @@ TOOLTIPS = (
     (
         "Color fitted outfits by their distance to the skin: blue where it is as large as asked, yellow "
         "where they are inside the body. Pressed again, color the viewport as before",
-        "合わせた衣装を肌からの距離で色分けします。青は指定どおり、黄は体の内側です。もう一度押すと元の表示に"
-        "戻ります",
-        "按与皮肤的距离为已适配的服装着色:蓝色为所需距离,黄色为在身体内。再按一次恢复视图",
+        "合わせた衣装を肌からの距離で色分けします。青は指定どおり、黄色は体の内側です。もう一度押"
+        "すと元の表示に戻ります",
+        "按与皮肤的距离为已适配的服装着色：蓝色为所需距离，黄色为在身体内。再按一次恢复视图",
     ),
     (
         "Fit this object with the outfit, or leave it to the character",
         "このオブジェクトを衣装として合わせるか、キャラクターに残します",
-        "将此物体作为服装适配,或留给角色",
+        "将此物体作为服装适配，或留给角色",
     ),
     (
         "Give the outfit shape keys, driven by those of the target that move skin under it",
         "下の肌を動かす転送先のシェイプキーで駆動されるキーを衣装に作ります",
-        "为服装创建形态键,由移动其下皮肤的目标形态键驱动",
+        "为服装创建形态键，由移动其下皮肤的目标形态键驱动",
     ),
     (
         "How much of the distance between skin and cloth is taken away; below zero it grows. Outfits "
         "fitted since the file was opened follow at once",
         "肌と布の距離を減らす割合。負の値では広がります。ファイルを開いてから合わせた衣装はすぐに追従します",
-        "减去皮肤与布料距离的比例;负值则增大。打开文件后适配的服装会立即跟随",
+        "减去皮肤与布料距离的比例；负值则增大。打开文件后适配的服装会立即跟随",
     ),
     (
         "Is fitted with its character's outfit",
         "キャラクターの衣装として合わせます",
-        "随角色的服装一起适配",
+        "作为角色的服装一起适配",
     ),
     (
         "Show how this is carried, and each of its items",
@@ -563,21 +564,21 @@ TOOLTIPS = (
     ),
     (
         "List what the source wears",
-        "転送元が着ているものを一覧表示",
+        "転送元が着ているものを一覧表示します",
         "列出来源所穿的物体",
     ),
     (
         "Put copies of what the source wears onto every matched target: fitted, rigged and moving with it",
         "転送元が着ているもののコピーを、マッチしたすべての転送先に合わせ、リグを付けて一緒に動くように"
         "します",
-        "将来源所穿物体的副本穿到每个已匹配目标上:已适配、已绑定并随之运动",
+        "将来源所穿物体的副本穿到每个已匹配目标上：已适配、已绑定并随之运动",
     ),
     (
         "Put what nobody sees of the target under the outfit into a vertex group, which a Mask "
         "modifier leaves out. Nothing is deleted",
         "衣装の下で見えない転送先の面を頂点グループに入れ、マスクモディファイアーで隠します。何も削除し"
         "ません",
-        "将目标在服装下不可见的部分放入顶点组,由遮罩修改器隐藏。不会删除任何内容",
+        "将目标在服装下不可见的部分放入顶点组，由遮罩修改器隐藏。不会删除任何内容",
     ),
     (
         "Whether this mesh is clothing of its character",
@@ -586,14 +587,14 @@ TOOLTIPS = (
     ),
     (
         "Worn where it lies over other meshes, unless small or hidden",
-        "他のメッシュを覆っていれば着用とみなします(小さいものや非表示のものを除く)",
-        "覆盖在其他网格之上即视为穿着,过小或隐藏的除外",
+        "他のメッシュを覆っていれば着用とみなします（小さいものや非表示のものを除く）",
+        "覆盖在其他网格之上即视为穿着，过小或隐藏的除外",
     ),
     ("Set Shape to Original first", "先に形状を「オリジナル」にします", "先将形状设为“原始”"),
     (
         "Leave out hats, hair and clothes that lie over other meshes: bodies alone match more exactly",
         "他のメッシュを覆う帽子・髪・服を除外します。体だけの方が正確にマッチします",
-        "排除覆盖在其他网格之上的帽子、头发和衣服:只匹配身体更准确",
+        "排除覆盖在其他网格之上的帽子、头发和衣服：只匹配身体更准确",
     ),
     (
         "First leave out hats, hair and clothes that lie over other meshes of their character",

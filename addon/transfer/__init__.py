@@ -186,7 +186,7 @@ class Carried:
         if self.actions:
             many = len(self.actions)
             words.append(said("{} action", many) if many == 1 else said("{} actions", many))
-        return ", ".join(words)
+        return said(", ").join(words)
 
 
 def carry_all(

@@ -299,7 +299,7 @@ def test_a_note_on_several_targets_is_said_once(bodies, scene):
     assert bpy.ops.spectral_match.transfer(kinds="groups") == {"FINISHED"}
     (words,) = notice.words.splitlines()
     assert words.endswith(" (on 2 targets)") and "'Target'" in words and "'Other'" not in words
-    for locale, said in (("ja_JP", "(転送先 2 件)"), ("zh_HANS", "(2 个目标)")):
+    for locale, said in (("ja_JP", "（転送先 2 件）"), ("zh_HANS", "（2 个目标）")):
         spoken = translation.spoken(words, locale)
         assert spoken.endswith(said) and "locked" not in spoken
 

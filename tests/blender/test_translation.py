@@ -313,7 +313,9 @@ def test_english_is_left_alone(registered):
     assert spoken(words) == words
 
 
-@pytest.mark.parametrize("text", ["one two  three", "", "映射几乎同样合适,请比较。", "マップ 1 を比べる"])
+@pytest.mark.parametrize(
+    "text", ["one two  three", "", "映射几乎同样合适，请比较（共 2 个）。", "マップ 1 を比べる"]
+)
 def test_lines_hold_all_of_a_text(text):
     lines = wrapped(text, lambda line: width(line) <= 8)
     assert all(width(line) <= 8 for line in lines)
