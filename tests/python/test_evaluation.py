@@ -47,6 +47,12 @@ def test_true_map_has_no_error(folder):
     assert pair.direct == 0 and pair.status == "right" and pair.matched == 1 and pair.lines == 400
 
 
+def test_a_set_may_be_asked_for_by_name_where_the_folder_is_the_set_itself(folder):
+    assert [found.folder for found in find_sets(folder, [folder.name])] == [folder]
+    with pytest.raises(sgmds.SgmdsError, match="no set named OTHER"):
+        find_sets(folder, ["OTHER"])
+
+
 def published(root, bodies, to="corres"):
     """A set as remeshed ones are published: meshes in `off`, a file of ids that count from 1 for each."""
     (root / "off").mkdir(parents=True)

@@ -264,10 +264,11 @@ def find_sets(folder, names: Iterable[str] | None = None) -> list[ShapeSet]:
     folder = Path(folder)
     if not folder.is_dir():
         raise layout_error(f"{folder}: no such folder")
-    if _is_set(folder) and not names:
+    names = list(names or ())
+    if _is_set(folder) and set(names) <= {folder.resolve().name}:
         return [ShapeSet(folder)]
     known = {p.name: p for p in sorted(folder.iterdir()) if _is_set(p)}
-    wanted = list(names) if names else list(known)
+    wanted = names or list(known)
     for name in wanted:
         if name not in known:
             raise layout_error(f"{folder}: no set named {name}; there are {', '.join(known) or 'none'}")
