@@ -21,6 +21,12 @@ def test_links_of_the_repository_lead_to_files(page):
     assert not [link for link in local if not (ROOT / link).exists()]
 
 
+def test_links_of_the_site_are_those_that_its_build_checks():
+    pages = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("docs/**/*.ipynb")]
+    raw = re.compile(r"<(?:a|area|audio|iframe|img|link|object|script|source|video)[\s>]", re.IGNORECASE)
+    assert not [page.name for page in pages if raw.search(page.read_text(encoding="utf-8"))]
+
+
 def examples(page):
     return re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
 
