@@ -175,21 +175,22 @@ class SPECTRAL_MATCH_OT_fit_outfit(JobOperator, Operator):
             return self.fail("\n".join(trouble))
         self.warn(trouble)
         show.show_after_fit(context, self._dressed)
-        words = summary(made)
-        context.scene.spectral_match.outfit_inside = words.partition(": ")[2]
-        self.tell({"INFO"}, words)
+        context.scene.spectral_match.outfit_inside = words_inside(made)
+        self.tell({"INFO"}, summary(made))
         return {"FINISHED"}
+
+
+def words_inside(made: Sequence[Made]) -> str:
+    """How much of what was fitted is inside."""
+    return live.words_inside(sum(each.inside for each, _ in made), sum(len(each.places) for each, _ in made))
 
 
 def summary(made: Sequence[Made]) -> str:
     """What was fitted, and how much of it is inside."""
     pieces = len(made[0][1])
-    inside, many = (
-        sum(values) for values in zip(*((each.inside, len(each.places)) for each, _ in made), strict=True)
-    )
     to = f"'{made[0][0].wish.label}'" if len(made) == 1 else f"{len(made)} characters"
     what = "1 garment" if pieces == 1 else f"{pieces} garments"
-    return f"Fitted {what} to {to}: {live.words_inside(inside, many)}"
+    return f"Fitted {what} to {to}: {words_inside(made)}"
 
 
 class SPECTRAL_MATCH_OT_toggle_worn(Step, Operator):
