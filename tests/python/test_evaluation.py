@@ -260,6 +260,13 @@ def test_matcher_is_measured_and_written(folder, tmp_path):
     assert (tmp_path / "curves.svg").read_text().startswith("<?xml")
 
 
+def test_what_was_not_measured_is_not_told(folder):
+    """Saved maps take no preparation, and where none is right there is no mean of right ones."""
+    saved = evaluate(folder, method="saved:TRUE").text()
+    broken = evaluate(folder, method=lambda source, target: np.zeros(len(target[0]), int)).text()
+    assert "preparing" not in saved and "their mean" not in broken and "nan" not in saved + broken
+
+
 def test_names_in_pictures_are_as_they_are_written(folder, tmp_path):
     """No formula, which \\frac alone is not, no curve left out, no end of a line, no warning."""
     root = tmp_path / "one $\\frac$ two"

@@ -282,19 +282,20 @@ class SetResult:
 
     def text(self) -> str:
         s = self.summary()
+        mean = f"; their mean {s['direct_of_right']:.2f}" if s["right"] else ""
+        # Maps that were saved took no time here.
+        preparing = f", preparing a shape {s['median_prepare_seconds']:.2f} s" if self.prepare_seconds else ""
         lines = [
             f"{self.name}, method {self.method}: mean direct {s['direct']:.2f}, "
             f"best of both sides {s['best']:.2f}, median {s['median']:.2f}, worst {s['worst']:.2f} "
             f"(×100, {self.distances} distances)",
-            f"  {s['right']} of {s['pairs']} right (below {self.bound:g}; their mean "
-            f"{s['direct_of_right']:.2f}), {s['mirrored']} mirrored, {s['broken']} broken, "
-            f"{s['failed']} failed",
+            f"  {s['right']} of {s['pairs']} right (below {self.bound:g}{mean}), {s['mirrored']} mirrored, "
+            f"{s['broken']} broken, {s['failed']} failed",
             *([f"  every shape turned at random (seed {self.rotated})"] if self.rotated is not None else []),
             *([f"  nearer to the other side: {s['flipped']:.3f}"] if "flipped" in s else []),
             f"  below 0.25 / 0.10 / 0.05: {s['under_0.25']:.3f} / {s['under_0.10']:.3f} / "
             f"{s['under_0.05']:.3f}",
-            f"  median time: match {s['median_seconds']:.2f} s, preparing a shape "
-            f"{s['median_prepare_seconds']:.2f} s",
+            f"  median time: match {s['median_seconds']:.2f} s{preparing}",
         ]
         if "median_energy" in s:
             lines.append(
