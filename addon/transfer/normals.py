@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..typed import Floats, Options
-from .coincidence import coincidence
 from .kind import Kind, shading
 
 if TYPE_CHECKING:
-    from .coincidence import Coincidence
+    from sgmds.transfer import Coincidence
+
     from .kind import Prepared
     from .route import Route
 
@@ -31,7 +31,8 @@ def prepare(route: Route, _wanted: Sequence[str], _options: Options) -> Prepared
     carried = route.map.corner_values(*route.faces, given[route.triangle_corners])
     turn, _ = route.map_as_seen.frames
     carried = _unit(np.einsum("cij,cj->ci", turn[route.faces[1]], carried) @ from_target.T)
-    lying = coincidence(route)
+    standing = np.array(route.target.matrix_world.inverted_safe() @ route.source.matrix_world)
+    lying = route.map.coincidence(route.faces[1], route.target_corners, standing)
     if lying is not None:
         carried[lying.there] = _as_they_lie(route, shown, lying)[lying.there]
     return shading(route.target, lambda mesh: _write(mesh, carried))
@@ -39,7 +40,7 @@ def prepare(route: Route, _wanted: Sequence[str], _options: Options) -> Prepared
 
 def _as_they_lie(route: Route, shown: Floats, lying: Coincidence) -> Floats:
     """The source's normals at the places where the target's corners lie on it."""
-    normals = np.einsum("ij,ijc->ic", lying.weights, shown[route.triangle_corners[lying.triangles]])
+    normals = np.einsum("ij,ijc->ic", lying.barycentric, shown[route.triangle_corners[lying.faces]])
     # What stands on a surface is moved by the inverse transpose.
     return _unit(normals @ np.linalg.inv(lying.to_target[:3, :3]))
 

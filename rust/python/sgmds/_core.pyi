@@ -34,6 +34,8 @@ __version__: str
 
 _Floats = NDArray[np.float64]
 _Ids = NDArray[np.int64]
+_Matrix = Sequence[Sequence[float]]
+_Rig = tuple[NDArray[np.uint32], NDArray[np.uint32], _Floats, _Ids]
 _Progress = Callable[[str, float], object] | None
 
 @final
@@ -169,13 +171,13 @@ class SurfaceMap:
     ) -> Fitting: ...
     def bones(
         self,
-        source: tuple[NDArray[np.uint32], NDArray[np.uint32], _Floats, _Ids],
-        target: tuple[NDArray[np.uint32], NDArray[np.uint32], _Floats, _Ids],
+        source: _Rig,
+        target: _Rig,
     ) -> tuple[_Ids, _Floats, _Ids]: ...
     def guided(
         self,
-        source: tuple[NDArray[np.uint32], NDArray[np.uint32], _Floats, _Ids],
-        target: tuple[NDArray[np.uint32], NDArray[np.uint32], _Floats, _Ids],
+        source: _Rig,
+        target: _Rig,
         source_heads: _Floats,
         target_heads: _Floats,
     ) -> SurfaceMap: ...
@@ -214,6 +216,9 @@ class SurfaceMap:
         vertices: NDArray[np.uint32],
         weights: _Floats,
     ) -> tuple[_Floats, _Floats, _Floats]: ...
+    def coincidence(
+        self, corner_vertices: _Ids, triangle_corners: _Ids, standing: _Matrix
+    ) -> tuple[_Floats, NDArray[np.bool_], _Ids, _Floats] | None: ...
     def followed(self, points: _Floats, pieces: _Ids) -> _Floats: ...
     def strands(
         self, roots: _Floats, points: _Floats, strands: NDArray[np.uint32]
@@ -231,7 +236,7 @@ class SurfaceMap:
         closest: bool,
         used: tuple[NDArray[np.bool_] | None, NDArray[np.bool_] | None],
         frames: Sequence[_Floats] | None,
-        spaces: Sequence[Sequence[Sequence[float]]] | None,
+        spaces: Sequence[_Matrix] | None,
         progress: _Progress = None,
     ) -> tuple[NDArray[np.float32], int]: ...
     def filled(self, values: _Floats, unknown: NDArray[np.bool_]) -> _Floats: ...

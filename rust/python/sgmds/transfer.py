@@ -110,6 +110,21 @@ class BoneMap:
     nearest: Ids
 
 
+@dataclass(frozen=True)
+class Coincidence:
+    """Where the target lies on the source.
+
+    `to_target` (4, 4) takes the source's coordinates to the target's. Of the target's face corners those
+    `there` (corners,) lie on the source: each in the triangle `faces` (corners,), with the weights
+    `barycentric` (corners, 3) of its corners.
+    """
+
+    to_target: Floats
+    there: NDArray[np.bool_]
+    faces: Ids
+    barycentric: Floats
+
+
 class Fitting:
     """Garments bound to the two bodies of a `SurfaceMap`, as `SurfaceMap.fitting` makes them.
 
@@ -532,6 +547,26 @@ class SurfaceMap:
             np.concatenate([np.zeros(0), *weights]),
         )
 
+    def coincidence(
+        self, corner_vertices: ArrayLike, triangle_corners: ArrayLike, standing: ArrayLike | None = None
+    ) -> Coincidence | None:
+        """Where the target lies on the source, as a piece lies on the body that it was joined to, or None.
+
+        `standing` (4, 4) takes the source's coordinates to the target's as both stand, by default unchanged.
+        Where the target does not lie on the source so, it may be moved, turned and scaled as a whole. At
+        least half of its vertices have to lie within a ten-thousandth of its size.
+
+        `corner_vertices` (corners,) are the target's faces, `triangle_corners` (m, 3) the corners of the
+        triangles that fill them: a corner is looked up on its side of a hard edge. Triangles (m, 3) are
+        ``triangles.ravel()`` with ``np.arange(3 * m).reshape(m, 3)``.
+        """
+        found = self._core.coincidence(
+            checked_array("corner_vertices", corner_vertices, np.int64, None),
+            checked_array("triangle_corners", triangle_corners, np.int64, None, 3),
+            _matrix("standing", np.eye(4) if standing is None else standing, 4),
+        )
+        return None if found is None else Coincidence(*found)
+
     def followed(self, points: ArrayLike, pieces: ArrayLike | None = None) -> Floats:
         """Points beside the source (n, 3), such as those of clothes, where the target's surface takes them.
 
@@ -675,6 +710,11 @@ def _rig(
     starts = checked_array(name, weights.starts, np.uint32, count + 1)
     bones = checked_array(name, weights.groups, np.uint32, None)
     return starts, bones, checked_array(name, weights.weights, np.float64, None), parents
+
+
+def _matrix(name: str, given: ArrayLike, size: int) -> list[list[float]]:
+    rows: list[list[float]] = _finite(name, checked_array(name, given, np.float64, size, size)).tolist()
+    return rows
 
 
 def _cell(tile: Any) -> tuple[int, int]:

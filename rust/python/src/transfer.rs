@@ -9,9 +9,11 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgmds_core::Error;
+use sgmds_core::transfer::coincidence::{Corners, coincidence};
 use sgmds_core::transfer::contacts;
 use sgmds_core::transfer::corners::{self, CornerValues, Polygons};
 use sgmds_core::transfer::diffusion::Diffusion;
+use sgmds_core::transfer::frame::Affine;
 use sgmds_core::transfer::joints::fitted_joints;
 use sgmds_core::transfer::normal_maps::{FixedSpace, TangentSpace};
 use sgmds_core::transfer::outfit::bodies::Bodies;
@@ -61,6 +63,16 @@ fn table<T: Element, const K: usize>(
         .collect::<Vec<T>>()
         .into_pyarray(py)
         .reshape([count, K])
+}
+
+/// Matrices (n, 3, 3) by rows.
+fn matrices(
+    py: Python<'_>,
+    rows: impl ExactSizeIterator<Item = [[f64; 3]; 3]>,
+) -> PyResult<Array3<'_, f64>> {
+    let count = rows.len();
+    let flat: Vec<f64> = rows.flat_map(|m| m.into_iter().flatten()).collect();
+    flat.into_pyarray(py).reshape([count, 3, 3])
 }
 
 fn whole(ids: impl IntoIterator<Item = u32>) -> Vec<i64> {
@@ -393,13 +405,9 @@ impl SurfaceMap {
     fn frames<'py>(&self, py: Python<'py>) -> PyResult<(Array3<'py, f64>, Array1<'py, f64>)> {
         let map = Arc::clone(&self.map);
         let frames = watched(py, None, None, move |_| Ok(map.frames().to_vec()))?;
-        let turns: Vec<f64> = frames
-            .iter()
-            .flat_map(|f| f.turn.into_iter().flatten())
-            .collect();
         let scales: Vec<f64> = frames.iter().map(|f| f.scale).collect();
         Ok((
-            turns.into_pyarray(py).reshape([frames.len(), 3, 3])?,
+            matrices(py, frames.iter().map(|f| f.turn))?,
             scales.into_pyarray(py),
         ))
     }
@@ -658,16 +666,47 @@ impl SurfaceMap {
             let influence = SkinWeights::new(starts, vertices, weights, count)?;
             fitted_joints(&map, &joints, &influence)
         })?;
-        let turns: Vec<f64> = found
-            .iter()
-            .flat_map(|j| j.turn.into_iter().flatten())
-            .collect();
         let scales: Vec<f64> = found.iter().map(|j| j.scale).collect();
         Ok((
             table(py, found.iter().map(|j| j.position).collect())?,
-            turns.into_pyarray(py).reshape([found.len(), 3, 3])?,
+            matrices(py, found.iter().map(|j| j.turn))?,
             scales.into_pyarray(py),
         ))
+    }
+
+    /// How the target lies on the source: a matrix (4, 4) to it, and which corners do, with triangle and weights of each.
+    #[expect(clippy::type_complexity, reason = "one array for each")]
+    fn coincidence<'py>(
+        &self,
+        py: Python<'py>,
+        corner_vertices: Vec<i64>,
+        triangle_corners: PyReadonlyArray2<'py, i64>,
+        standing: [[f64; 4]; 4],
+    ) -> PyResult<
+        Option<(
+            Array2<'py, f64>,
+            Array1<'py, bool>,
+            Array1<'py, i64>,
+            Array2<'py, f64>,
+        )>,
+    > {
+        let (map, triangles) = (Arc::clone(&self.map), triples(&triangle_corners)?);
+        let found = watched(py, None, None, move |_| {
+            let corners = Corners {
+                vertices: &corner_vertices,
+                triangles: &triangles,
+            };
+            coincidence(&map, &Affine::of_rows(&standing), corners)
+        })?;
+        let Some(found) = found else {
+            return Ok(None);
+        };
+        Ok(Some((
+            table(py, found.to_target.rows().to_vec())?,
+            found.there.into_pyarray(py),
+            whole(found.points.iter().map(|p| p.face)).into_pyarray(py),
+            table(py, found.points.iter().map(|p| p.weights).collect())?,
+        )))
     }
 
     /// A texture of the source baked into the target's layout, and how many texels it covers.

@@ -50,6 +50,29 @@ impl Similarity {
         }
     }
 
+    /// The same, with the scale that leaves the least squares among the points to which the others go. It is smaller than
+    /// that of [`fitted`](Self::fitted), which is the same in both directions, the less the points fit.
+    ///
+    /// # Source
+    /// Umeyama, "Least-squares estimation of transformation parameters between two point patterns", 1991.
+    #[must_use]
+    pub fn onto(pairs: &[(Point, Point, f64)], mirrored: bool) -> Self {
+        let fitted = Self::fitted(pairs, mirrored);
+        let (mut along, mut before) = (0.0, 0.0);
+        for &(p, q, w) in pairs {
+            let (d, e) = (vector::sub(p, fitted.from), vector::sub(q, fitted.to));
+            along += w * vector::dot(vector::by_rows(&fitted.turn, d), e);
+            before += w * vector::dot(d, d);
+        }
+        let scale = along / before;
+        let scale = if scale.is_finite() && scale > 0.0 {
+            scale
+        } else {
+            fitted.scale
+        };
+        Self { scale, ..fitted }
+    }
+
     /// Where a point goes.
     #[must_use]
     pub fn apply(&self, p: Point) -> Point {
@@ -180,6 +203,30 @@ mod tests {
                 }
             }
         }
+    }
+
+    /// Pairs that do not fit: no scale a little smaller or larger leaves less, and of those that fit it is the same.
+    #[test]
+    fn the_scale_onto_others_leaves_the_least_squares() {
+        let mut fraction = fractions(2);
+        let mut point = || [0; 3].map(|_| f64::from(fraction()));
+        let pairs: Vec<(Point, Point, f64)> = (0..20).map(|_| (point(), point(), 1.0)).collect();
+        let found = Similarity::onto(&pairs, false);
+        let left = |scale: f64| -> f64 {
+            let moved = Similarity { scale, ..found };
+            let off = pairs
+                .iter()
+                .map(|&(p, q, w)| (vector::distance(moved.apply(p), q), w));
+            off.map(|(off, w)| w * off * off).sum()
+        };
+        for by in [0.999, 1.001] {
+            assert!(left(found.scale) < left(by * found.scale));
+        }
+        let exact: Vec<(Point, Point, f64)> = (pairs.iter())
+            .map(|&(p, _, w)| (p, found.apply(p), w))
+            .collect();
+        // Both are quotients of the same sums up to rounding.
+        assert!((Similarity::onto(&exact, false).scale / found.scale - 1.0).abs() < 1e-12);
     }
 
     /// Against the decomposition of a library: turns of covariances of all kinds, flat ones among them, are as good, though of equal

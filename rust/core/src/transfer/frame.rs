@@ -1,4 +1,4 @@
-//! How a map turns and scales the surroundings of one point.
+//! How a map turns and scales the surroundings of one point, and matrices of three rows.
 
 use crate::algebra::vector::{self, Point};
 
@@ -31,4 +31,113 @@ impl Frame {
 
 pub(crate) fn determinant(m: &Matrix) -> f64 {
     vector::dot(m[0], vector::cross(m[1], m[2]))
+}
+
+pub(crate) fn transposed(m: &Matrix) -> Matrix {
+    [0, 1, 2].map(|i| m.map(|row| row[i]))
+}
+
+pub(crate) fn product(a: &Matrix, b: &Matrix) -> Matrix {
+    let columns = transposed(b);
+    a.map(|row| columns.map(|column| vector::dot(row, column)))
+}
+
+/// By cofactors; none of a matrix without an inverse.
+pub(crate) fn inverse(m: &Matrix) -> Option<Matrix> {
+    let det = determinant(m);
+    if !det.is_normal() {
+        return None;
+    }
+    let cofactors = [
+        vector::cross(m[1], m[2]),
+        vector::cross(m[2], m[0]),
+        vector::cross(m[0], m[1]),
+    ];
+    Some(transposed(&cofactors).map(|row| vector::scaled(row, 1.0 / det)))
+}
+
+/// An affine map of space, `p → linear · p + shift`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Affine {
+    /// Rows of a matrix.
+    pub linear: [Point; 3],
+    /// Where the origin goes.
+    pub shift: Point,
+}
+
+impl Affine {
+    /// That of a matrix (4, 4) by rows, the last of which is not read.
+    #[must_use]
+    pub fn of_rows(rows: &[[f64; 4]; 4]) -> Self {
+        let [x, y, z, _] = *rows;
+        Self {
+            linear: [x, y, z].map(|[a, b, c, _]| [a, b, c]),
+            shift: [x[3], y[3], z[3]],
+        }
+    }
+
+    /// As a matrix (4, 4) by rows.
+    #[must_use]
+    pub fn rows(&self) -> [[f64; 4]; 4] {
+        let row = |i: usize| {
+            let [a, b, c] = self.linear[i];
+            [a, b, c, self.shift[i]]
+        };
+        [row(0), row(1), row(2), [0.0, 0.0, 0.0, 1.0]]
+    }
+
+    /// Where a point goes.
+    #[must_use]
+    pub fn apply(&self, p: Point) -> Point {
+        vector::add(vector::by_rows(&self.linear, p), self.shift)
+    }
+
+    /// `self` after `first`.
+    #[must_use]
+    pub fn after(&self, first: &Self) -> Self {
+        Self {
+            linear: product(&self.linear, &first.linear),
+            shift: self.apply(first.shift),
+        }
+    }
+
+    /// What takes points back; none where space is flattened.
+    #[must_use]
+    pub fn inverse(&self) -> Option<Self> {
+        let linear = inverse(&self.linear)?;
+        let shift = vector::scaled(vector::by_rows(&linear, self.shift), -1.0);
+        Some(Self { linear, shift })
+    }
+
+    /// By how much it scales lengths: the cube root of how much it scales volumes.
+    #[must_use]
+    pub fn scale(&self) -> f64 {
+        determinant(&self.linear).abs().cbrt()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_affine_map_and_its_inverse_lead_back() {
+        let map = Affine {
+            linear: [[2.0, 1.0, 0.0], [0.0, -1.0, 0.5], [0.25, 0.0, 1.0]],
+            shift: [3.0, -1.0, 0.5],
+        };
+        let back = map.inverse().unwrap();
+        let p = [0.3, 0.7, -0.2];
+        for found in [back.apply(map.apply(p)), map.after(&back).apply(p)] {
+            assert!(vector::distance(found, p) < 1e-14);
+        }
+        assert_eq!(Affine::of_rows(&map.rows()), map);
+        // The determinant, by the first row, is 2 · (−1) − 1 · (−0.125).
+        assert!((map.scale() - 1.875f64.cbrt()).abs() < 1e-15);
+        let flat = Affine {
+            linear: [[1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]],
+            ..map
+        };
+        assert!(flat.inverse().is_none());
+    }
 }

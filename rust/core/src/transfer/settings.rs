@@ -5,6 +5,26 @@ use std::ops::RangeInclusive;
 use crate::settings::settings;
 
 settings! {
+    /// Where the target lies on the source's surface, as pieces lie on the body that they were joined to.
+    COINCIDENCE: Coincidence {
+        /// One surface lies on the other up to this share of the target's size: roundings of files and of moving.
+        on: f64 = 1e-4,
+        /// It lies on it where so much of it does; the rest may be modelled anew.
+        most: f64 = 0.5,
+        /// A corner is looked up this share of the way to the middle of its triangle, on its side of a hard edge.
+        into_face: f64 = 0.05,
+        /// An image further from where the vertex lies than this share of the target's size is of another part.
+        same_part: f64 = 0.2,
+        /// Vertices, at least, by which the two surfaces are laid onto each other.
+        probes: usize = 2000,
+        /// Rounds of it: the first find the place, and each of the last squares what is left.
+        rounds: usize = 15,
+        /// Largest growth in one round, as a share: the planes are near only then.
+        largest_growth: f64 = 0.5,
+        /// What a motion costs that no plane tells, for 1 of what is seen of it: a sheet does not slide along itself.
+        ridge: f64 = 1e-9,
+    }
+
     /// What touches in a shape key of the source touches on the target.
     CONTACTS: Contacts {
         /// Share of a gap that is left at most where points meet: lids of a blink are modelled with up to a fifth

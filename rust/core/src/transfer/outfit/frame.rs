@@ -6,7 +6,7 @@ use super::settings::Settings;
 use crate::algebra::similarity::nearest_turn;
 use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
-use crate::transfer::frame::{Matrix, determinant};
+use crate::transfer::frame::{Matrix, determinant, inverse, product};
 use crate::transfer::surface::Surface;
 
 /// Steps of the R₂ sequence, which fills a square evenly: powers of 1/1.3247…, the real root of x³ = x + 1 (Roberts,
@@ -188,27 +188,4 @@ fn add(sum: &mut Matrix, other: &Matrix, factor: f64) {
     for (out, row) in sum.iter_mut().zip(other) {
         *out = vector::add(*out, vector::scaled(*row, factor));
     }
-}
-
-fn transposed(m: &Matrix) -> Matrix {
-    [0, 1, 2].map(|i| m.map(|row| row[i]))
-}
-
-fn product(a: &Matrix, b: &Matrix) -> Matrix {
-    let columns = transposed(b);
-    a.map(|row| columns.map(|column| vector::dot(row, column)))
-}
-
-/// By cofactors; none of a matrix without an inverse.
-fn inverse(m: &Matrix) -> Option<Matrix> {
-    let det = determinant(m);
-    if !det.is_normal() {
-        return None;
-    }
-    let cofactors = [
-        vector::cross(m[1], m[2]),
-        vector::cross(m[2], m[0]),
-        vector::cross(m[0], m[1]),
-    ];
-    Some(transposed(&cofactors).map(|row| vector::scaled(row, 1.0 / det)))
 }
