@@ -14,11 +14,11 @@ def moved(points: Floats, matrix: Floats) -> Floats:
     return points @ matrix[:3, :3].T + matrix[:3, 3]
 
 
-def similarity(points: Floats, aims: Floats, weights: Floats | None = None, mirrored: bool = False) -> Floats:
+def similarity(points: Floats, aims: Floats, weights: Floats | None = None) -> Floats:
     """The turn, scale and shift that bring points (n, 3) nearest to aims (n, 3) by least squares.
 
-    The turn is one that mirrors if asked. Points count by weights (n,), alike where these are all zero; a
-    shift alone is left where points or aims are all at one place (Umeyama, IEEE PAMI 13, 1991).
+    Points count by weights (n,), alike where these are all zero; a shift alone is left where points or aims
+    are all at one place (Umeyama, IEEE PAMI 13, 1991).
     """
     counted = np.ones(len(points)) if weights is None or not weights.any() else weights
     share = counted / counted.sum()
@@ -28,7 +28,7 @@ def similarity(points: Floats, aims: Floats, weights: Floats | None = None, mirr
     spread = share @ np.square(centred).sum(axis=1)
     made = np.eye(4)
     if stretch.sum() > np.finfo(float).eps * spread:
-        side = np.sign(np.linalg.det(left @ right)) * (-1.0 if mirrored else 1.0)
+        side = np.sign(np.linalg.det(left @ right))
         signs = np.array([1.0, 1.0, side])
         made[:3, :3] = (stretch * signs).sum() / spread * (left * signs) @ right
     made[:3, 3] = to_mean - made[:3, :3] @ from_mean

@@ -1,14 +1,38 @@
-"""Surfaces that lie on one another: what is known of them comes out."""
+"""Rigs fitted along known maps, and surfaces that lie on one another: what is known of either comes out."""
 
 import numpy as np
 import pytest
 import sgmds
 from sgmds import characters
 
+MIRROR = np.diag((-1.0, 1.0, 1.0))
+
 
 @pytest.fixture(scope="module")
 def character():
     return characters.make("biped", "plain", "wave", resolution=2000, seed=3)
+
+
+def rig_of(character):
+    """Heads, tails, weights and parents of a character's bones, and more bones that hold nothing.
+
+    These are a root on the ground, a control along the first bone's, a pole in front of a knee, which a bone
+    looks at, and an end of a hand without a length. Leads and number of the first of them come last.
+    """
+    body, bones = character.body, characters.SKELETONS["biped"]
+    names = [bone.name for bone in bones]
+    count = len(names)
+    low = character.vertices[:, 2].min()
+    root, knee, hand = np.array((0.0, 0.0, low)), names.index("shin.L"), names.index("hand.L")
+    pole = body.starts[knee] + (0.0, -0.5, 0.0)
+    heads = np.vstack([body.starts, root, body.starts[0], pole, body.ends[hand]])
+    tails = np.vstack(
+        [body.ends, root + (0.0, -0.2, 0.0), body.ends[0] + (0.0, 0.1, 0.0), pole + (0, 0, 0.1), heads[-1]]
+    )
+    parents = [-1 if bone.parent is None else names.index(bone.parent) for bone in bones]
+    parents = [count if parent < 0 else parent for parent in parents] + [-1, count, count, hand]
+    weights = np.hstack([character.weights, np.zeros((len(character.vertices), 4))])
+    return heads, tails, weights, parents, [(count + 2, knee)], count
 
 
 def to_itself(vertices, faces, moved, mirrored=False):
@@ -23,6 +47,128 @@ def to_itself(vertices, faces, moved, mirrored=False):
 def a_turn(seed):
     turn, _ = np.linalg.qr(np.random.default_rng(seed).normal(size=(3, 3)))
     return turn * np.sign(np.linalg.det(turn))
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_similarity_takes_all_bones_with_it(character, mirrored):
+    """Those that hold nothing and those without a length too, and axes stay right-handed ones."""
+    heads, tails, weights, parents, leads, first = rig_of(character)
+    turn = a_turn(1) @ (MIRROR if mirrored else np.eye(3))
+    shift = np.array((3.0, -1.0, 0.5))
+    moved = 2.0 * character.vertices @ turn.T + shift
+    way = to_itself(character.vertices, character.faces, moved, mirrored)
+    ups = np.random.default_rng(2).normal(size=heads.shape)
+    found = way.fit_bones(heads, tails, weights, parents, ups=ups, leads=leads)
+    # Roundings of a body of size 2, of turns fitted to it.
+    np.testing.assert_allclose(found.heads, 2.0 * heads @ turn.T + shift, atol=1e-8)
+    np.testing.assert_allclose(found.tails, 2.0 * tails @ turn.T + shift, atol=1e-8)
+    np.testing.assert_allclose(found.turns, np.broadcast_to(turn, found.turns.shape), atol=1e-7)
+    np.testing.assert_allclose(found.scales, 2.0, rtol=1e-8)
+    assert found.firm.tolist() == [number != first for number in range(len(heads))]
+    np.testing.assert_allclose(
+        found.axes @ found.axes.transpose(0, 2, 1), np.broadcast_to(np.eye(3), found.axes.shape), atol=1e-12
+    )
+    np.testing.assert_allclose(np.linalg.det(found.axes), 1.0, rtol=1e-12)
+    # y along the bone and z in the plane of it and what was up.
+    along = found.tails - found.heads
+    length = np.linalg.norm(along, axis=1)
+    np.testing.assert_allclose(along, length[:, None] * found.axes[:, :, 1], atol=1e-8)
+    across = np.einsum("bi,bi->b", found.axes[:, :, 0], ups @ turn.T)
+    np.testing.assert_allclose(across[length > 0.0], 0.0, atol=1e-7)
+
+
+def test_a_bone_that_holds_nothing_keeps_how_it_stands_to_its_neighbour(character):
+    """On a body that is half as tall again, where bones turn and grow each by itself."""
+    heads, tails, weights, parents, leads, first = rig_of(character)
+    way = to_itself(character.vertices, character.faces, character.vertices * (1.0, 1.0, 1.5))
+    found = way.fit_bones(heads, tails, weights, parents, leads=leads)
+    beside = {first + 1: 0, first + 2: leads[0][1]}
+    for bone, other in beside.items():
+        assert found.scales[bone] == found.scales[other]
+        wanted = found.scales[other] * found.turns[other] @ (tails[bone] - heads[bone])
+        np.testing.assert_allclose(found.tails[bone] - found.heads[bone], wanted, atol=1e-12)
+    # What was one joint is one.
+    for bone, parent in enumerate(parents[:first]):
+        if parent < first and np.allclose(heads[bone], tails[parent]):
+            np.testing.assert_array_equal(found.heads[bone], found.tails[parent])
+
+
+def test_a_rig_that_moves_nothing_goes_with_the_surface(character):
+    heads, tails, weights, parents, _, _ = rig_of(character)
+    turn = a_turn(4)
+    way = to_itself(character.vertices, character.faces, 0.5 * character.vertices @ turn.T)
+    found = way.fit_bones(heads, tails, 0.0 * weights, parents)
+    np.testing.assert_allclose(found.heads, 0.5 * heads @ turn.T, atol=1e-8)
+    assert found.firm.all()
+    none = way.fit_bones(np.zeros((0, 3)), np.zeros((0, 3)), weights[:, :0], [])
+    assert none.heads.shape == (0, 3) and none.axes.shape == (0, 3, 3)
+
+
+def test_a_mirror_makes_both_sides_alike():
+    """One half of the target is right and the other is shifted: the one that the map knows counts."""
+    character = characters.make("biped", "plain", "rest", resolution=2000, seed=3)
+    names = [bone.name for bone in characters.SKELETONS["biped"]]
+    body, count = character.body, len(names)
+    flipped = [name[:-1] + {"L": "R", "R": "L"}[name[-1]] if name[-2:-1] == "." else "" for name in names]
+    partners = [names.index(other) if other else -1 for other in flipped]
+    # The map leads to the left half alone: there is nothing of the target on the right.
+    left = character.vertices[:, 0] >= -1e-9
+    if body.starts[names.index("hand.L"), 0] < 0.0:
+        left = character.vertices[:, 0] <= 1e-9
+    kept = left[character.faces].all(axis=1)
+    faces = character.faces[kept]
+    used, renumbered = np.unique(faces, return_inverse=True)
+    triangle, corner = np.zeros(len(character.vertices), int), np.zeros(len(character.vertices), int)
+    for k in range(3):
+        triangle[character.faces[:, k]], corner[character.faces[:, k]] = np.arange(len(character.faces)), k
+    shift = np.eye(4)
+    shift[0, 3] = 0.3
+    way = sgmds.SurfaceMap(
+        (character.vertices, character.faces),
+        (1.2 * character.vertices[used] + shift[:3, 3], renumbered.reshape(-1, 3)),
+        triangle[used],
+        np.eye(3)[corner[used]],
+    )
+    reflection = shift @ np.diag((-1.0, 1.0, 1.0, 1.0)) @ np.linalg.inv(shift)
+    parents = np.full(count, -1)
+    given = body.starts, body.ends, character.weights, parents
+    found = way.fit_bones(*given, partners=partners, mirrors=(MIRROR, reflection))
+    sided = np.flatnonzero(np.array(partners) >= 0)
+    for ends in (found.heads, found.tails):
+        other = ends @ reflection[:3, :3].T + reflection[:3, 3]
+        # Both come from one joint of the half that is there.
+        np.testing.assert_allclose(ends[np.array(partners)[sided]], other[sided], atol=1e-12)
+        # And that half is the source's, as large again by a fifth.
+    np.testing.assert_allclose(
+        found.heads[sided], 1.2 * body.starts[sided] + shift[:3, 3], atol=0.02 * np.ptp(character.vertices)
+    )
+
+
+def test_rigs_that_do_not_fit_together_are_refused(character):
+    heads, tails, weights, parents, leads, _ = rig_of(character)
+    way = to_itself(character.vertices, character.faces, character.vertices)
+    given = {"heads": heads, "tails": tails, "weights": weights, "parents": parents, "leads": leads}
+    count = len(parents)
+    circle = np.arange(count) - 1
+    circle[0] = count - 1
+    for changed, words in (
+        ({"heads": heads[1:]}, rf"`heads` should be \({count}, 3\)"),
+        ({"tails": tails * np.nan}, "`tails` should be finite"),
+        ({"ups": heads[:, :2]}, "`ups`"),
+        ({"weights": weights[:, 1:]}, "`weights`"),
+        ({"weights": np.full_like(weights, np.inf)}, "`weights` should be finite"),
+        ({"parents": circle}, "should be bones above them"),
+        ({"parents": np.full(count, count)}, "should be bones above them"),
+        ({"leads": [(0, count)]}, "`leads` names a bone that there is not"),
+        ({"leads": [(-1, 0)]}, "`leads` names a bone that there is not"),
+        ({"partners": np.full(count, -2)}, "`partners` names a bone that there is not"),
+        ({"sided": [True]}, "`sided`"),
+        ({"mirrors": np.eye(3)}, "`mirrors` should be two matrices"),
+        ({"mirrors": (np.eye(3), np.eye(3))}, r"`mirrors\[1\]` should be \(4, 4\)"),
+        ({"mirrors": (np.eye(3) * np.nan, np.eye(4))}, r"`mirrors\[0\]` should be finite"),
+    ):
+        with pytest.raises(sgmds.ArgumentError, match=words):
+            way.fit_bones(**{**given, **changed})
 
 
 def box(divisions=3):

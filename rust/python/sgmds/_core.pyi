@@ -216,6 +216,17 @@ class SurfaceMap:
         vertices: NDArray[np.uint32],
         weights: _Floats,
     ) -> tuple[_Floats, _Floats, _Floats]: ...
+    def fit_bones(
+        self,
+        heads: _Floats,
+        tails: _Floats,
+        ups: _Floats,
+        rig: _Rig,
+        leads: _Ids,
+        partners: _Ids,
+        sided: NDArray[np.bool_],
+        mirrors: tuple[_Matrix, _Matrix] | None,
+    ) -> tuple[_Floats, _Floats, _Floats, _Floats, _Floats, NDArray[np.bool_]]: ...
     def coincidence(
         self, corner_vertices: _Ids, triangle_corners: _Ids, standing: _Matrix
     ) -> tuple[_Floats, NDArray[np.bool_], _Ids, _Floats] | None: ...

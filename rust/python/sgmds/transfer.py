@@ -111,6 +111,24 @@ class BoneMap:
 
 
 @dataclass(frozen=True)
+class FittedBones:
+    """Bones of a rig in the target.
+
+    `heads` and `tails` (bones, 3); `axes` (bones, 3, 3), whose columns are x, y along the bone, and z;
+    `turns` (bones, 3, 3), which take directions of the source to those of the target, mirroring ones where
+    the map mirrors; `scales` (bones,), length on the target for a unit of length on the source; `firm`
+    (bones,) tells those placed by the surface, or beside such ones, from those that go with the whole body.
+    """
+
+    heads: Floats
+    tails: Floats
+    axes: Floats
+    turns: Floats
+    scales: Floats
+    firm: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
 class Coincidence:
     """Where the target lies on the source.
 
@@ -342,8 +360,8 @@ class SurfaceMap:
         partner the one that shares most is taken, so that a spine keeps its order whatever the number of its
         bones.
         """
-        source = _rig("source", source_weights, source_parents, self._source_count)
-        target = _rig("target", target_weights, target_parents, self._target_count)
+        source = _rig("source_", source_weights, source_parents, self._source_count)
+        target = _rig("target_", target_weights, target_parents, self._target_count)
         return BoneMap(*self._core.bones(source, target))
 
     def guided(
@@ -362,8 +380,8 @@ class SurfaceMap:
         its image to where the bones put it, of which those with a partner that hold 2 % of the skin tell: a
         head that is many times as large is found by its bone. Sure vertices stay.
         """
-        source = _rig("source", source_weights, source_parents, self._source_count)
-        target = _rig("target", target_weights, target_parents, self._target_count)
+        source = _rig("source_", source_weights, source_parents, self._source_count)
+        target = _rig("target_", target_weights, target_parents, self._target_count)
         heads = [
             _finite(name, checked_array(name, given, np.float64, len(rig[3]), 3))
             for name, given, rig in (
@@ -547,6 +565,60 @@ class SurfaceMap:
             np.concatenate([np.zeros(0), *weights]),
         )
 
+    def fit_bones(
+        self,
+        heads: ArrayLike,
+        tails: ArrayLike,
+        weights: ArrayLike | SkinWeights,
+        parents: ArrayLike,
+        *,
+        ups: ArrayLike | None = None,
+        leads: ArrayLike | None = None,
+        partners: ArrayLike | None = None,
+        sided: ArrayLike | None = None,
+        mirrors: tuple[ArrayLike, ArrayLike] | None = None,
+    ) -> FittedBones:
+        """A rig of the source fitted to the target: all its bones, from `heads` to `tails`, (bones, 3) each.
+
+        `weights` (n_source, bones) are those of the source's skin, as a table or as `SkinWeights`, and
+        `parents` (bones,) the parent of each bone, −1 of a root; `ups` (bones, 3) are directions of their z
+        axes, by default any across the bone.
+
+        Ends in one place are one joint. Joints of bones that hold the surface go where the surface around
+        them takes them, as in `joints`. Other bones keep how they stand to one that is placed: with the same
+        head, ending there, above them, or the nearest that they lead by a constraint (`leads` (n, 2), a bone
+        and the one that it leads). What is left goes with the whole body, so that a root stays on the ground.
+
+        `mirrors` makes the joints symmetric: the reflection (3, 3) of the source's directions and that (4, 4)
+        of the target's points. `partners` (bones,) are then the bones of the other side, −1 without one.
+        `sided` (bones,) tells which bones are of one side, by default those with a partner: a bone goes by
+        those that it leads on its side first.
+        """
+        rig = _rig("", weights, parents, self._source_count)
+        count = len(rig[3])
+        heads, tails, ups = (
+            _finite(name, checked_array(name, given, np.float64, count, 3))
+            for name, given in (
+                ("heads", heads),
+                ("tails", tails),
+                ("ups", np.zeros((count, 3)) if ups is None else ups),
+            )
+        )
+        leads = np.zeros((0, 2), np.int64) if leads is None else leads
+        partners = np.full(count, -1) if partners is None else partners
+        partners = checked_array("partners", partners, np.int64, count)
+        found = self._core.fit_bones(
+            heads,
+            tails,
+            ups,
+            rig,
+            checked_array("leads", leads, np.int64, None, 2),
+            partners,
+            checked_array("sided", partners >= 0 if sided is None else sided, np.bool_, count),
+            None if mirrors is None else _reflections(mirrors),
+        )
+        return FittedBones(*found)
+
     def coincidence(
         self, corner_vertices: ArrayLike, triangle_corners: ArrayLike, standing: ArrayLike | None = None
     ) -> Coincidence | None:
@@ -699,11 +771,11 @@ def _rows(table: Floats) -> tuple[NDArray[np.uint32], NDArray[np.uint32], Floats
 
 
 def _rig(
-    side: str, weights: ArrayLike | SkinWeights, parents: ArrayLike, count: int
+    of: str, weights: ArrayLike | SkinWeights, parents: ArrayLike, count: int
 ) -> tuple[NDArray[np.uint32], NDArray[np.uint32], Floats, Ids]:
-    """Rows of weights of so many vertices, checked, and parents of their bones."""
-    parents = checked_array(f"{side}_parents", parents, np.int64, None)
-    name = f"{side}_weights"
+    """Rows of weights of so many vertices, checked, and parents of their bones; `of` begins their names."""
+    parents = checked_array(f"{of}parents", parents, np.int64, None)
+    name = f"{of}weights"
     if not isinstance(weights, SkinWeights):
         table = _finite(name, checked_array(name, weights, np.float64, count, len(parents)))
         return (*_rows(table), parents)
@@ -715,6 +787,16 @@ def _rig(
 def _matrix(name: str, given: ArrayLike, size: int) -> list[list[float]]:
     rows: list[list[float]] = _finite(name, checked_array(name, given, np.float64, size, size)).tolist()
     return rows
+
+
+def _reflections(
+    mirrors: tuple[ArrayLike, ArrayLike],
+) -> tuple[list[list[float]], list[list[float]]]:
+    try:
+        directions, points = mirrors
+    except (TypeError, ValueError):
+        raise ArgumentError("`mirrors` should be two matrices, (3, 3) and (4, 4)") from None
+    return _matrix("mirrors[0]", directions, 3), _matrix("mirrors[1]", points, 4)
 
 
 def _cell(tile: Any) -> tuple[int, int]:

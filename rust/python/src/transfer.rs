@@ -9,6 +9,7 @@ use numpy::{
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use sgmds_core::Error;
+use sgmds_core::transfer::bones::{Bone, Bones, Mirrors, fitted_bones};
 use sgmds_core::transfer::coincidence::{Corners, coincidence};
 use sgmds_core::transfer::contacts;
 use sgmds_core::transfer::corners::{self, CornerValues, Polygons};
@@ -671,6 +672,67 @@ impl SurfaceMap {
             table(py, found.iter().map(|j| j.position).collect())?,
             matrices(py, found.iter().map(|j| j.turn))?,
             scales.into_pyarray(py),
+        ))
+    }
+
+    /// The bones of a rig in the target: heads, tails, axes as columns, turns, scales, and which are firm.
+    ///
+    /// A rig as in `bones`. `leads` are bones and those that they lead, `partners` the bones of the other side or −1,
+    /// `mirrors` the reflection of the source's directions and of the target's points.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "keyword arguments of the Python function"
+    )]
+    #[expect(clippy::type_complexity, reason = "one array for each")]
+    fn fit_bones<'py>(
+        &self,
+        py: Python<'py>,
+        heads: PyReadonlyArray2<'py, f64>,
+        tails: PyReadonlyArray2<'py, f64>,
+        ups: PyReadonlyArray2<'py, f64>,
+        rig: GivenRig,
+        leads: PyReadonlyArray2<'py, i64>,
+        partners: Vec<i64>,
+        sided: Vec<bool>,
+        mirrors: Option<([[f64; 3]; 3], [[f64; 4]; 4])>,
+    ) -> PyResult<(
+        Array2<'py, f64>,
+        Array2<'py, f64>,
+        Array3<'py, f64>,
+        Array3<'py, f64>,
+        Array1<'py, f64>,
+        Array1<'py, bool>,
+    )> {
+        let map = Arc::clone(&self.map);
+        let (heads, tails) = (triples(&heads)?, triples(&tails)?);
+        let (ups, leads) = (triples(&ups)?, pairs(&leads)?);
+        let found = watched(py, None, None, move |_| {
+            let rig = checked_rig(rig)?;
+            let bones = Bones {
+                heads: &heads,
+                tails: &tails,
+                ups: &ups,
+                rig: as_rig(&rig),
+                leads: &leads,
+                partners: &partners,
+                sided: &sided,
+                mirrors: mirrors.map(|(source, target)| Mirrors {
+                    source,
+                    target: Affine::of_rows(&target),
+                }),
+            };
+            fitted_bones(&map, &bones)
+        })?;
+        let columns = |bone: &Bone| [0, 1, 2].map(|i| bone.axes.map(|axis| axis[i]));
+        let scales: Vec<f64> = found.iter().map(|bone| bone.scale).collect();
+        let firm: Vec<bool> = found.iter().map(|bone| bone.firm).collect();
+        Ok((
+            table(py, found.iter().map(|bone| bone.head).collect())?,
+            table(py, found.iter().map(|bone| bone.tail).collect())?,
+            matrices(py, found.iter().map(columns))?,
+            matrices(py, found.iter().map(|bone| bone.turn))?,
+            scales.into_pyarray(py),
+            firm.into_pyarray(py),
         ))
     }
 

@@ -3,6 +3,7 @@
 //! A [`SurfaceMap`] holds both surfaces in their own units and, for every target vertex, a point of
 //! the source. Each kind of data has a module.
 
+pub mod bones;
 pub mod coincidence;
 pub mod contacts;
 pub mod corners;

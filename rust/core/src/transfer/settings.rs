@@ -5,6 +5,34 @@ use std::ops::RangeInclusive;
 use crate::settings::settings;
 
 settings! {
+    /// Bones of a rig placed in the target: by the surface around their joints, or by other bones.
+    BONES: Bones {
+        /// Ends of bones nearer than this share of the rig's size are one joint: in single precision ends that were meant
+        /// to meet are a hundredth of that apart.
+        same_joint: f64 = 1e-5,
+        /// Weight above which a vertex moves with a bone: painting leaves traces below it.
+        least_weight: f64 = 0.01,
+        /// Vertices that have to move with a bone for it to hold the surface: two tell no turn.
+        fewest_vertices: usize = 3,
+        /// How many times more or less a bone between two joints may grow than its surroundings: its keys and shapes grow
+        /// with it.
+        most_growth: f64 = 2.0,
+        /// Cosine from which on two bones with one head run along each other: copies of one bone differ by rounding.
+        parallel: f64 = 0.99999,
+        /// Steps of the cosine in which bones with one head point alike; of those in one step the lengths decide.
+        alike: f64 = 1e-3,
+        /// Weight of the axes at a joint beside its place for how the whole body is turned, as a share of the rig's size:
+        /// joints along one line tell no turn about it.
+        axes_count: f64 = 0.1,
+        /// Rounds of weighted least squares until the sum of distances settles.
+        reweighted: usize = 30,
+        /// What stands near to a root, as a share of the rig's size: feet do, hands do not.
+        surroundings: f64 = 0.05,
+        /// A joint of bones without a side lies in the mirror if fitted nearer to it than this share of the rig's size: two
+        /// fingers' width of a person.
+        in_the_middle: f64 = 0.02,
+    }
+
     /// Where the target lies on the source's surface, as pieces lie on the body that they were joined to.
     COINCIDENCE: Coincidence {
         /// One surface lies on the other up to this share of the target's size: roundings of files and of moving.

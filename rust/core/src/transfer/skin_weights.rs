@@ -103,7 +103,7 @@ impl SkinWeights {
         range.map(|i| (self.groups[i], self.weights[i]))
     }
 
-    fn from_rows(rows: Vec<Vec<(u32, f64)>>) -> Self {
+    pub(super) fn from_rows(rows: Vec<Vec<(u32, f64)>>) -> Self {
         let mut found = Self::default();
         found.starts.push(0);
         for row in rows {

@@ -238,7 +238,10 @@ fn shared(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Shared {
 }
 
 /// The bones below each, and all of them with parents before their children.
-fn descendants(name: &str, parents: &[i64]) -> Result<(Vec<Vec<u32>>, Vec<usize>)> {
+pub(in crate::transfer) fn descendants(
+    name: &str,
+    parents: &[i64],
+) -> Result<(Vec<Vec<u32>>, Vec<usize>)> {
     let count = parents.len();
     let mut below = vec![Vec::new(); count];
     let mut depth = vec![0; count];
