@@ -940,8 +940,11 @@ def test_reading_is_interrupted_at_once(tmp_path):
     process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
     while process.poll() is None and _cpu_seconds(process.pid) < 2:
         time.sleep(0.1)
-    process.send_signal(signal.SIGINT)
-    _, words = process.communicate(timeout=60)
+    try:
+        process.send_signal(signal.SIGINT)
+        _, words = process.communicate(timeout=60)
+    finally:
+        process.kill()
     assert (process.returncode, words) == (130, "cancelled\n")
 
 
