@@ -30,6 +30,15 @@ PARTS = (
     "standing",
     "turned",
     "located",
+    "narrow",
+    "in_place",
+    "fingers",
+    "sliding",
+    "convexity",
+    "overlap",
+    "relocation",
+    "uncovered",
+    "detail",
 )
 """Parts of the automatic method that can be left out."""
 AUTOMATIC_ONLY = ("landmarks", "part", "mirror", "same_axes", "without")

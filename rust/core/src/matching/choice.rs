@@ -46,7 +46,12 @@ pub(super) fn whole_or_part(
         hypotheses(&Pair { coverage, ..*pair }, width, progress, &stage)
     };
     let (narrow, as_they_lie) = rayon::join(
-        || found_or_none(search(pair, Coverage::BOTH, Width::NARROW, (0.0, 0.1))),
+        || {
+            if !pair.uses(Part::Narrow) {
+                return Ok(Vec::new());
+            }
+            found_or_none(search(pair, Coverage::BOTH, Width::NARROW, (0.0, 0.1)))
+        },
         || as_they_lie(pair, progress),
     );
     let narrow = ranking::merged(pair.source, narrow?, as_they_lie?);

@@ -4,7 +4,7 @@ use super::Correspondence;
 use super::result::correspondence::dense_map;
 use crate::algebra::vector;
 use crate::error::Result;
-use crate::matching::problem::pair::{Coverage, Pair};
+use crate::matching::problem::pair::{Coverage, Pair, Part};
 use crate::matching::ranking::quality;
 use crate::matching::ranking::{self, Hypothesis, Metrics};
 use crate::matching::refinement::embedded_surface::{self, FULL, ISOMETRIC, Refined};
@@ -48,7 +48,10 @@ impl Completed<'_> {
                     [&answering.rows, &asking.rows],
                     self.state.maps(),
                     &misfit,
-                    (&pair.constraints.landmarks, !hypothesis.is_placed()),
+                    (
+                        &pair.constraints.landmarks,
+                        !hypothesis.is_placed() && pair.uses(Part::Detail),
+                    ),
                     progress,
                 )
             },

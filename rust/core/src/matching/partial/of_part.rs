@@ -136,7 +136,12 @@ pub(in crate::matching) fn with_relocations<'a>(
     progress: &Progress,
 ) -> Result<(usize, Completed<'a>)> {
     let check = || progress.check();
-    for _ in 0..OF_PART.relocations {
+    let most = if pair.uses(Part::Relocation) {
+        OF_PART.relocations
+    } else {
+        0
+    };
+    for _ in 0..most {
         let pair = &Pair {
             coverage: hypotheses[best].coverage,
             lengths: map.state.lengths(),
@@ -188,6 +193,9 @@ pub(in crate::matching) fn refine_on_covered<'a>(
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<()> {
+    if !pair.uses(Part::Overlap) {
+        return Ok(());
+    }
     let of_part = hypothesis.is_of_part();
     let part = if of_part {
         let part_is = hypothesis.coverage.part();

@@ -2,7 +2,7 @@
 
 use crate::matching::partial::settings::UNCOVERED;
 use crate::matching::problem::constraints::Which;
-use crate::matching::problem::pair::Pair;
+use crate::matching::problem::pair::{Pair, Part};
 use crate::matching::ranking::Hypothesis;
 use crate::shape::Shape;
 
@@ -12,6 +12,9 @@ pub(in crate::matching) fn begins_at_boundary(
     part_is: Which,
     map: &Hypothesis,
 ) -> bool {
+    if !pair.uses(Part::Uncovered) {
+        return true;
+    }
     let [of_target, of_source] = &map.images;
     let images = match part_is {
         Which::Target => of_target,

@@ -124,11 +124,29 @@ pub enum Part {
     Turned,
     /// Where the shape of a small part is found on the whole.
     Located,
+    /// The narrow search before the usual one.
+    Narrow,
+    /// The map between surfaces that lie on one another as they were given.
+    InPlace,
+    /// Fingers that lie on their neighbours, set right.
+    Fingers,
+    /// The surface deformed by maps that are affine on each part, sliding along the other.
+    Sliding,
+    /// That creases draw little while it slides.
+    Convexity,
+    /// A part refined once more on what it covers of the whole.
+    Overlap,
+    /// Samples of a part moved to where the rest of its map would have them.
+    Relocation,
+    /// That what a part leaves over of the whole has to begin at its boundary.
+    Uncovered,
+    /// Points refined on the given meshes.
+    Detail,
 }
 
 impl Part {
     /// All parts with their names.
-    pub const ALL: [(&'static str, Self); 15] = [
+    pub const ALL: [(&'static str, Self); 24] = [
         ("geodesic", Self::Geodesic),
         ("descriptors", Self::Descriptors),
         ("orientation", Self::Orientation),
@@ -144,12 +162,21 @@ impl Part {
         ("standing", Self::Standing),
         ("turned", Self::Turned),
         ("located", Self::Located),
+        ("narrow", Self::Narrow),
+        ("in_place", Self::InPlace),
+        ("fingers", Self::Fingers),
+        ("sliding", Self::Sliding),
+        ("convexity", Self::Convexity),
+        ("overlap", Self::Overlap),
+        ("relocation", Self::Relocation),
+        ("uncovered", Self::Uncovered),
+        ("detail", Self::Detail),
     ];
 }
 
 /// Parts of the automatic method that are left out; none by default.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq)]
-pub struct LeftOut(u16);
+pub struct LeftOut(u32);
 
 impl LeftOut {
     /// These parts.

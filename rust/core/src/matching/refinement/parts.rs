@@ -49,6 +49,15 @@ impl Foot {
         }
     }
 
+    /// Drawing as much as where the surface bulges.
+    #[must_use]
+    pub fn drawing_fully(self) -> Self {
+        Self {
+            bulging: 1.0,
+            ..self
+        }
+    }
+
     /// How a vertex of this weight is drawn, `anchor` its first image. One that lies within the body is `placed` there.
     #[must_use]
     pub fn pull(&self, weight: f64, placed: Option<Point>, anchor: Point) -> Pull {

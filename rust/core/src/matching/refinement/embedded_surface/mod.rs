@@ -89,7 +89,7 @@ pub fn refined_images<'a>(
 /// # Errors
 /// [`crate::Error::Cancelled`].
 pub fn in_place(pair: &Pair<'_>, check: Check<'_>) -> Result<Option<Placed>> {
-    if pair.mirror == Mirror::Only || !pair.uses(Part::Extrinsic) {
+    if pair.mirror == Mirror::Only || !pair.uses(Part::Extrinsic) || !pair.uses(Part::InPlace) {
         return Ok(None);
     }
     coinciding(pair.source, pair.target, check)
@@ -154,7 +154,8 @@ impl<'a> Refined<'a> {
             && pair.uses(Part::Extrinsic)
             && pair.uses(Part::Rigid);
         // What is missing from a part would be filled, and its inside is not known.
-        let slides = pair.coverage.part().is_none();
+        let whole = pair.coverage.part().is_none();
+        let slides = whole && pair.uses(Part::Sliding);
         let moving = self.moving.shape;
         let lengths = self.lengths;
         let (climbed, surface) = rayon::join(
@@ -172,7 +173,7 @@ impl<'a> Refined<'a> {
         );
         climbed?;
         if let Some(AtRest { rigid, sliding }) = surface.transpose()? {
-            if sliding.is_some() {
+            if whole && pair.uses(Part::Fingers) {
                 self.set_fingers_right(&|| report((before + schedule.sizes.len()) as f64 / steps))?;
             }
             self.settle_whole_surface(rigid, schedule.rigid_sizes, &|step| {
@@ -180,7 +181,7 @@ impl<'a> Refined<'a> {
             })?;
             let coincide = self.settle_coinciding(&|| report(1.0))?;
             if let Some(sliding) = sliding.filter(|_| !coincide) {
-                self.settle_parts(sliding, &|| report(1.0))?;
+                self.settle_parts(sliding, pair.uses(Part::Convexity), &|| report(1.0))?;
             }
         }
         Ok(self)

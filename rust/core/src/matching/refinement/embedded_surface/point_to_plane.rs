@@ -25,6 +25,7 @@ impl Refined<'_> {
     pub(super) fn settle_parts(
         &mut self,
         surface: PiecewiseAffine<'_>,
+        creases_give_way: bool,
         check: Check<'_>,
     ) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
@@ -36,7 +37,7 @@ impl Refined<'_> {
             .collect();
         let same_pose = parts::off_affine(&matched).is_some_and(|off| off <= RIGID_STEPS.same_pose);
         if same_pose {
-            return self.slide(surface, check);
+            return self.slide(surface, creases_give_way, check);
         }
         let lengths = self.lengths;
         let stretch = |images: &Images| {
@@ -50,7 +51,7 @@ impl Refined<'_> {
         };
         let kept = self.kept();
         let before = stretch(&self.moving.images);
-        self.slide(surface, check)?;
+        self.slide(surface, creases_give_way, check)?;
         if stretch(&self.moving.images) > POINT_TO_PLANE.most_stretched * before {
             self.put_back(kept);
             return Ok(());
@@ -64,24 +65,42 @@ impl Refined<'_> {
     }
 
     /// Rounds in which the moving surface is deformed by maps that are affine on each part, and drawn onto the tangent
-    /// planes at its images, along which it slides.
-    fn slide(&mut self, mut surface: PiecewiseAffine<'_>, check: Check<'_>) -> Result<()> {
+    /// planes at its images, along which it slides; creases of either draw little, or as much as all else.
+    fn slide(
+        &mut self,
+        mut surface: PiecewiseAffine<'_>,
+        creases_give_way: bool,
+        check: Check<'_>,
+    ) -> Result<()> {
         let (moving, still) = (self.moving.shape, self.still.shape);
+        let foot = |image: &SurfacePoint| {
+            let foot = Foot::new(still, image);
+            if creases_give_way {
+                foot
+            } else {
+                foot.drawing_fully()
+            }
+        };
+        let weight = |v: usize| {
+            let bulging = if creases_give_way {
+                moving.bulging[v]
+            } else {
+                1.0
+            };
+            moving.mass[v] * bulging
+        };
         let (mut anchors, mut drawn): (Option<Vec<Point>>, Option<Vec<Point>>) = (None, None);
         for round in 0..POINT_TO_PLANE.slides {
             let images = self.image_points(
                 round + POINT_TO_PLANE.slides_within_triangles >= POINT_TO_PLANE.slides,
                 check,
             )?;
-            let feet: Vec<Foot> =
-                (images.par_iter().map(|image| Foot::new(still, image))).collect();
+            let feet: Vec<Foot> = images.par_iter().map(foot).collect();
             let anchors = anchors.get_or_insert_with(|| feet.iter().map(|f| f.place).collect());
             // What the rigid surface left within the other body is not swallowed.
             let placed = |v: usize| (round > 0).then(|| self.deformed_at(v));
             let pulls: Vec<Pull> = (feet.par_iter().zip(&*anchors).enumerate())
-                .map(|(v, (foot, anchor))| {
-                    foot.pull(moving.mass[v] * moving.bulging[v], placed(v), *anchor)
-                })
+                .map(|(v, (foot, anchor))| foot.pull(weight(v), placed(v), *anchor))
                 .collect();
             let places = surface.drawn_to(&pulls, check)?;
             let last = round + 1 == POINT_TO_PLANE.slides;
