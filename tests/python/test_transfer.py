@@ -839,7 +839,7 @@ class TestGarments:
         again = along.bones(*rows, parents, other_parents)
         np.testing.assert_array_equal(again.partners, found.partners)
         np.testing.assert_array_equal(again.shares, found.shares)
-        with pytest.raises(sgmds.ArgumentError, match="parents of the source"):
+        with pytest.raises(sgmds.ArgumentError, match="`source_parents` of"):
             along.bones(weights, other_weights, np.roll(parents, 1) + 1, other_parents)
 
     def test_rigs_tell_where_the_map_is_unsure(self):

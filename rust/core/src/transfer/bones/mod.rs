@@ -170,7 +170,7 @@ fn checked(map: &SurfaceMap, bones: &Bones<'_>) -> Result<Vec<usize>> {
             });
         }
     }
-    let (_, order) = descendants("source", bones.rig.parents)?;
+    let (_, order) = descendants("parents", bones.rig.parents)?;
     Ok(order)
 }
 
@@ -298,7 +298,10 @@ mod tests {
         let mut tube = Tube::new(false, |p| p);
         tube.parents[4] = 0;
         let error = tube.fitted().unwrap_err().to_string();
-        assert!(error.contains("should be bones above them"), "{error}");
+        assert!(
+            error.starts_with("`parents` of 5 bones should be bones above them"),
+            "{error}"
+        );
         tube.parents.pop();
         assert!(tube.fitted().unwrap_err().to_string().contains("`heads`"));
     }

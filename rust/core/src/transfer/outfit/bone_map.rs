@@ -63,8 +63,8 @@ pub fn bone_map(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Result<Ve
             });
         }
     }
-    let (_, order) = descendants("source", source.parents)?;
-    let (below_2, order_2) = descendants("target", target.parents)?;
+    let (_, order) = descendants("source_parents", source.parents)?;
+    let (below_2, order_2) = descendants("target_parents", target.parents)?;
     let Shared {
         common,
         shares,
@@ -237,7 +237,7 @@ fn shared(map: &SurfaceMap, source: Rig<'_>, target: Rig<'_>) -> Shared {
     }
 }
 
-/// The bones below each, and all of them with parents before their children.
+/// The bones below each, and all of them with parents before their children; `name` is that of the argument.
 pub(in crate::transfer) fn descendants(
     name: &str,
     parents: &[i64],
@@ -251,8 +251,7 @@ pub(in crate::transfer) fn descendants(
             if above < 0 || above as usize >= count || depth[bone] > count {
                 return Err(Error::BadArgument {
                     what: format!(
-                        "the parents of the {name}'s {count} bones should be bones above them, or {NONE} for none, \
-                         but bone {bone} has {}",
+                        "`{name}` of {count} bones should be bones above them, or {NONE} for none, but bone {bone} has {}",
                         parents[bone]
                     ),
                 });
