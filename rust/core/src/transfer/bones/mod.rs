@@ -13,6 +13,8 @@ pub mod others;
 pub mod rest;
 pub mod whole_body;
 
+use std::cell::LazyCell;
+
 use self::halves::on_both_halves;
 use self::others::Placing;
 use self::rest::Rest;
@@ -116,7 +118,8 @@ pub fn fitted_bones(map: &SurfaceMap, bones: &Bones<'_>) -> Result<Vec<Bone>> {
             placing.place(bone, between(&rest, bone, &begin, end.position));
         }
     }
-    placing.place_others(order, &WholeBody::new(map, &rest, &places, &joints));
+    let body = LazyCell::new(|| WholeBody::new(map, &rest, &places, &joints));
+    placing.place_others(order, &body);
     Ok(placing.all())
 }
 

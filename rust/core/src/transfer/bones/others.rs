@@ -1,5 +1,7 @@
 //! Bones that the surface does not place, each by one that is placed.
 
+use std::ops::Deref;
+
 use super::rest::Rest;
 use super::whole_body::WholeBody;
 use super::{Bone, Bones};
@@ -72,7 +74,13 @@ impl<'a> Placing<'a> {
     }
 
     /// Places the bones that are not yet, `order` with parents before their children; joints that are settled stay.
-    pub fn place_others(&mut self, order: Vec<usize>, body: &WholeBody<'_>) {
+    ///
+    /// `body` is asked for only where a bone goes with it.
+    pub fn place_others<'b>(
+        &mut self,
+        order: Vec<usize>,
+        body: &impl Deref<Target = WholeBody<'b>>,
+    ) {
         let mut pending = order;
         pending.retain(|&bone| self.placed[bone].is_none());
         while !pending.is_empty() {
