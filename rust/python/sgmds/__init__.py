@@ -68,7 +68,7 @@ _PLACES = {
 }
 """Which module has each of these names: it is imported when one is first asked for, so that the program
 `sgmds` begins at once, and needs of matplotlib and the like only what its work needs."""
-_MODULES = ("correspondence", "errors", "matching", "shape", "transfer")
+_MODULES = ("correspondence", "errors", "matching", "poses", "shape", "transfer")
 """Modules that come without an import of their own."""
 
 

@@ -15,14 +15,20 @@ __all__ = [
     "__version__",
     "checked_size",
     "envelope",
+    "facing",
+    "fitted_turns",
     "judge_layout",
     "match_pair",
     "memory_for_spectrum",
     "memory_to_match",
     "memory_to_prepare",
+    "nearest_axis",
+    "polar",
+    "posed_heads",
     "prepare",
     "provoke_panic",
     "restore",
+    "similarity",
     "transfer_values",
     "triangulate",
     "uv_islands",
@@ -254,3 +260,23 @@ class SurfaceMap:
 
 def judge_layout(corners: _Floats, uv: _Floats) -> dict[str, float]: ...
 def uv_islands(vertices: _Floats, triangles: _Ids, uv: _Floats) -> _Ids: ...
+def similarity(points: _Floats, aims: _Floats, weights: _Floats | None) -> _Floats: ...
+def polar(matrix: _Matrix) -> tuple[_Floats, _Floats]: ...
+def facing(
+    source: tuple[_Floats, _Floats],
+    target: tuple[_Floats, _Floats],
+    mirrors: bool,
+    spaces: tuple[_Matrix, _Matrix],
+) -> _Floats: ...
+def nearest_axis(direction: Sequence[float], axes: _Floats) -> Sequence[float]: ...
+def fitted_turns(
+    axes: tuple[_Floats, _Floats],
+    facing: _Matrix,
+    parents: _Ids,
+    limbs: tuple[_Floats, _Floats],
+    fitted: NDArray[np.bool_],
+    kept: _Floats,
+) -> tuple[_Floats, _Floats]: ...
+def posed_heads(
+    heads: _Floats, axes: _Floats, parents: _Ids, loose: NDArray[np.bool_], turns: _Floats
+) -> _Floats: ...

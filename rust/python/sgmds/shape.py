@@ -114,6 +114,20 @@ def checked_array(
     return array
 
 
+def finite(name: str, array: NDArray[Any]) -> NDArray[Any]:
+    """The array, or an error that names the first place at which it is not finite."""
+    if not np.isfinite(array).all():
+        place = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
+        raise ArgumentError(f"`{name}` should be finite, but is {array[place]} at {place}")
+    return array
+
+
+def checked_matrix(name: str, given: ArrayLike, size: int) -> list[list[float]]:
+    """The rows of a square matrix of finite numbers, or an error that names it."""
+    rows: list[list[float]] = finite(name, checked_array(name, given, np.float64, size, size)).tolist()
+    return rows
+
+
 def _check_unmasked(**arrays: ArrayLike) -> None:
     """Raises `ArgumentError` for masked entries: what lies under a mask would be taken for data."""
     for name, array in arrays.items():

@@ -17,7 +17,18 @@ from numpy.typing import ArrayLike, NDArray
 from . import _core
 from .correspondence import Correspondence, check_weights
 from .errors import ArgumentError
-from .shape import Floats, Ids, Progress, Shape, checked_array, checked_count, checked_number, mesh_of
+from .shape import (
+    Floats,
+    Ids,
+    Progress,
+    Shape,
+    checked_array,
+    checked_count,
+    checked_matrix,
+    checked_number,
+    finite,
+    mesh_of,
+)
 
 Mesh = Shape | tuple[ArrayLike, ArrayLike]
 """A shape, or vertices (n, 3) and triangles (m, 3)."""
@@ -194,7 +205,7 @@ class Fitting:
         return SurfaceMap._made(core, self._skin, (self._count, len(self._faces)))
 
     def _vertices(self, name: str, values: ArrayLike) -> Floats:
-        return _finite(name, checked_array(name, values, np.float64, self._count, 3))
+        return finite(name, checked_array(name, values, np.float64, self._count, 3))
 
 
 class SurfaceMap:
@@ -338,7 +349,7 @@ class SurfaceMap:
         is filled from the rest of its garment.
         """
         weights = checked_array("weights", weights, np.float64, self._target_count, None)
-        skin = _rows(_finite("weights", weights))
+        skin = _rows(finite("weights", weights))
         bound = self.fitting(vertices, faces)
         along = bound.on_target(bound.place(collide=False))
         found = along.skin_weights(*skin, weights.shape[1], reject_below=reject_below, normalize=False)
@@ -383,7 +394,7 @@ class SurfaceMap:
         source = _rig("source_", source_weights, source_parents, self._source_count)
         target = _rig("target_", target_weights, target_parents, self._target_count)
         heads = [
-            _finite(name, checked_array(name, given, np.float64, len(rig[3]), 3))
+            finite(name, checked_array(name, given, np.float64, len(rig[3]), 3))
             for name, given, rig in (
                 ("source_heads", source_heads, source),
                 ("target_heads", target_heads, target),
@@ -411,7 +422,7 @@ class SurfaceMap:
         if offsets.ndim == 3:
             keys = [self.displacements(key, turn_only, keep_contacts=keep_contacts) for key in offsets]
             return np.array(keys).reshape(len(keys), self._target_count, 3)
-        offsets = _finite("offsets", checked_array("offsets", offsets, np.float64, self._source_count, 3))
+        offsets = finite("offsets", checked_array("offsets", offsets, np.float64, self._source_count, 3))
         return self._core.displacements(offsets, turn_only, keep_contacts)
 
     def layout(self, face_starts: ArrayLike, corner_vertices: ArrayLike, uv: ArrayLike) -> Layout:
@@ -420,7 +431,7 @@ class SurfaceMap:
         `face_starts` (faces + 1,) and `corner_vertices` (corners,) are the target's faces. All corners of a
         face come from one island; beyond a seam they continue its chart.
         """
-        uv = _finite("uv", checked_array("uv", uv, np.float64, self._source_triangles, 3, 2))
+        uv = finite("uv", checked_array("uv", uv, np.float64, self._source_triangles, 3, 2))
         return Layout(*self._core.layout(*_faces(face_starts, corner_vertices), uv))
 
     def seam_cuts(
@@ -431,7 +442,7 @@ class SurfaceMap:
         Several UV maps side by side give the seams of all. After these cuts no face straddles, except where a
         seam ends within it.
         """
-        uv = _finite("uv", checked_array("uv", uv, np.float64, self._source_triangles, 3, None))
+        uv = finite("uv", checked_array("uv", uv, np.float64, self._source_triangles, 3, None))
         tolerance = checked_number("tolerance", tolerance)
         return SeamCuts(**self._core.seam_cuts(*_faces(face_starts, corner_vertices), uv, tolerance))
 
@@ -486,7 +497,7 @@ class SurfaceMap:
             sums = checked_array("locked sums", sums, np.float64, self._target_count)
             locked = (
                 checked_array("locked groups", which, np.bool_, group_count),
-                _finite("locked sums", sums),
+                finite("locked sums", sums),
                 checked_array("locked counts", counts, np.uint32, self._target_count),
             )
         found = self._core.skin_weights(
@@ -544,7 +555,7 @@ class SurfaceMap:
         their surroundings place the joint. Returns positions (joints, 3), rotations (joints, 3, 3), mirroring
         ones where the map mirrors, and scales (joints,) of the body there.
         """
-        positions = _finite("positions", checked_array("positions", positions, np.float64, None, 3))
+        positions = finite("positions", checked_array("positions", positions, np.float64, None, 3))
         given = [((), ())] * len(positions) if influence is None else influence
         try:
             rows = [(ids, shares) for ids, shares in given]
@@ -597,7 +608,7 @@ class SurfaceMap:
         rig = _rig("", weights, parents, self._source_count)
         count = len(rig[3])
         heads, tails, ups = (
-            _finite(name, checked_array(name, given, np.float64, count, 3))
+            finite(name, checked_array(name, given, np.float64, count, 3))
             for name, given in (
                 ("heads", heads),
                 ("tails", tails),
@@ -635,7 +646,7 @@ class SurfaceMap:
         found = self._core.coincidence(
             checked_array("corner_vertices", corner_vertices, np.int64, None),
             checked_array("triangle_corners", triangle_corners, np.int64, None, 3),
-            _matrix("standing", np.eye(4) if standing is None else standing, 4),
+            checked_matrix("standing", np.eye(4) if standing is None else standing, 4),
         )
         return None if found is None else Coincidence(*found)
 
@@ -645,7 +656,7 @@ class SurfaceMap:
         Points with the same number in `pieces` (n,) move together, as one rigid piece of the local size, as
         eyes do; negative numbers, and all without `pieces`, leave each point to itself.
         """
-        points = _finite("points", checked_array("points", points, np.float64, None, 3))
+        points = finite("points", checked_array("points", points, np.float64, None, 3))
         pieces = np.full(len(points), -1) if pieces is None else pieces
         return self._core.followed(points, checked_array("pieces", pieces, np.int64, len(points)))
 
@@ -655,8 +666,8 @@ class SurfaceMap:
         `strands` (n,) is the strand of each point. A strand stands on the target where the map takes the
         surface under its root, and keeps its shape: it is turned and scaled as a whole, as the surface there.
         """
-        roots = _finite("roots", checked_array("roots", roots, np.float64, None, 3))
-        points = _finite("points", checked_array("points", points, np.float64, None, 3))
+        roots = finite("roots", checked_array("roots", roots, np.float64, None, 3))
+        points = finite("points", checked_array("points", points, np.float64, None, 3))
         strands = checked_array("strands", strands, np.uint32, len(points))
         if len(strands) and strands.max() >= len(roots):
             raise ArgumentError(f"`strands` names strand {strands.max()}, but there are {len(roots)} roots")
@@ -708,7 +719,7 @@ class SurfaceMap:
             if not isinstance(tangent_frames, Sequence) or len(tangent_frames) != len(names):
                 raise ArgumentError(f"`tangent_frames` should be four arrays: {', '.join(names)}")
             frames = [
-                _finite(name, checked_array(name, values, np.float64, None, 3, 3 if "normals" in name else 4))
+                finite(name, checked_array(name, values, np.float64, None, 3, 3 if "normals" in name else 4))
                 for name, values in zip(names, tangent_frames, strict=True)
             ]
         spaces = None
@@ -716,7 +727,7 @@ class SurfaceMap:
             if not isinstance(normal_spaces, Sequence) or len(normal_spaces) != 2:
                 raise ArgumentError("`normal_spaces` should be two matrices, of source and target")
             spaces = [
-                _finite("normal_spaces", checked_array("normal_spaces", space, np.float64, 3, 3)).tolist()
+                finite("normal_spaces", checked_array("normal_spaces", space, np.float64, 3, 3)).tolist()
                 for space in normal_spaces
             ]
         tiles = image if isinstance(image, Mapping) else {(0, 0): image}
@@ -730,10 +741,10 @@ class SurfaceMap:
         source_uv = checked_array("source_uv", source_uv, np.float64, self._source_triangles, 3, 2)
         target_uv = checked_array("target_uv", target_uv, np.float64, self._target_triangles, 3, 2)
         pixels, _ = self._core.bake(
-            _finite("source_uv", source_uv),
-            _finite("target_uv", target_uv),
+            finite("source_uv", source_uv),
+            finite("target_uv", target_uv),
             [
-                (_cell(cell), _finite("image", checked_array("image", pixels, np.float32, None, None, 4)))
+                (_cell(cell), finite("image", checked_array("image", pixels, np.float32, None, None, 4)))
                 for cell, pixels in tiles.items()
             ],
             width,
@@ -777,16 +788,11 @@ def _rig(
     parents = checked_array(f"{of}parents", parents, np.int64, None)
     name = f"{of}weights"
     if not isinstance(weights, SkinWeights):
-        table = _finite(name, checked_array(name, weights, np.float64, count, len(parents)))
+        table = finite(name, checked_array(name, weights, np.float64, count, len(parents)))
         return (*_rows(table), parents)
     starts = checked_array(name, weights.starts, np.uint32, count + 1)
     bones = checked_array(name, weights.groups, np.uint32, None)
     return starts, bones, checked_array(name, weights.weights, np.float64, None), parents
-
-
-def _matrix(name: str, given: ArrayLike, size: int) -> list[list[float]]:
-    rows: list[list[float]] = _finite(name, checked_array(name, given, np.float64, size, size)).tolist()
-    return rows
 
 
 def _reflections(
@@ -796,7 +802,7 @@ def _reflections(
         directions, points = mirrors
     except (TypeError, ValueError):
         raise ArgumentError("`mirrors` should be two matrices, (3, 3) and (4, 4)") from None
-    return _matrix("mirrors[0]", directions, 3), _matrix("mirrors[1]", points, 4)
+    return checked_matrix("mirrors[0]", directions, 3), checked_matrix("mirrors[1]", points, 4)
 
 
 def _cell(tile: Any) -> tuple[int, int]:
@@ -809,21 +815,14 @@ def _cell(tile: Any) -> tuple[int, int]:
     return column, row
 
 
-def _finite(name: str, array: NDArray[Any]) -> NDArray[Any]:
-    if not np.isfinite(array).all():
-        place = tuple(np.argwhere(~np.isfinite(array))[0].tolist())
-        raise ArgumentError(f"`{name}` should be finite, but is {array[place]} at {place}")
-    return array
-
-
 def judge_layout(corners: ArrayLike, uv: ArrayLike) -> dict[str, float]:
     """Faults of a UV map, from the corners (m, 3, 3) of triangles and their UVs (m, 3, 2).
 
     "stretch": mean over the surface of the larger of σ₁ and 1/σ₂ at equal areas, 1 at best; "flipped": share
     of the UV area wound against the rest; "overlap": share of the covered texels that are covered twice.
     """
-    corners = _finite("corners", checked_array("corners", corners, np.float64, None, 3, 3))
-    uv = _finite("uv", checked_array("uv", uv, np.float64, len(corners), 3, 2))
+    corners = finite("corners", checked_array("corners", corners, np.float64, None, 3, 3))
+    uv = finite("uv", checked_array("uv", uv, np.float64, len(corners), 3, 2))
     return _core.judge_layout(corners, uv)
 
 
@@ -831,5 +830,5 @@ def uv_islands(vertices: ArrayLike, triangles: ArrayLike, uv: ArrayLike) -> Ids:
     """Number of the UV island of each triangle, from the UVs of its corners (m, 3, 2)."""
     vertices = checked_array("vertices", vertices, np.float64, None, 3)
     triangles = checked_array("triangles", triangles, np.int64, None, 3)
-    uv = _finite("uv", checked_array("uv", uv, np.float64, len(triangles), 3, 2))
+    uv = finite("uv", checked_array("uv", uv, np.float64, len(triangles), 3, 2))
     return _core.uv_islands(vertices, triangles, uv)

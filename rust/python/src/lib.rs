@@ -7,6 +7,7 @@
 mod envelope;
 mod errors;
 mod kernels;
+mod poses;
 mod transfer;
 mod watched;
 
@@ -597,6 +598,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(match_pair, module)?)?;
     module.add_function(wrap_pyfunction!(transfer_values, module)?)?;
     transfer::register(module)?;
+    poses::register(module)?;
     envelope::register(module)?;
     module.add_function(wrap_pyfunction!(memory_to_prepare, module)?)?;
     module.add_function(wrap_pyfunction!(memory_to_match, module)?)?;

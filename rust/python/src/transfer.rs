@@ -49,12 +49,14 @@ fn pairs<T: Element + Copy>(array: &PyReadonlyArray2<'_, T>) -> PyResult<Vec<[T;
 }
 
 /// `(n, 3, K)` as n triangles of corners.
-fn corners_of<const K: usize>(array: &PyReadonlyArray3<'_, f64>) -> PyResult<Vec<[[f64; K]; 3]>> {
+pub(crate) fn corners_of<const K: usize>(
+    array: &PyReadonlyArray3<'_, f64>,
+) -> PyResult<Vec<[[f64; K]; 3]>> {
     let rows: &[[f64; K]] = array.as_slice()?.as_chunks().0;
     Ok(rows.as_chunks().0.to_vec())
 }
 
-fn table<T: Element, const K: usize>(
+pub(crate) fn table<T: Element, const K: usize>(
     py: Python<'_>,
     rows: Vec<[T; K]>,
 ) -> PyResult<Bound<'_, PyArray2<T>>> {
@@ -67,7 +69,7 @@ fn table<T: Element, const K: usize>(
 }
 
 /// Matrices (n, 3, 3) by rows.
-fn matrices(
+pub(crate) fn matrices(
     py: Python<'_>,
     rows: impl ExactSizeIterator<Item = [[f64; 3]; 3]>,
 ) -> PyResult<Array3<'_, f64>> {

@@ -118,11 +118,7 @@ struct Foot {
 /// The similarity that lays the target onto the source best: from its vertices and their images, then by nearest planes.
 fn laid(source: &Surface, probes: &[(Point, Point)]) -> Result<Affine> {
     let pairs: Vec<(Point, Point, f64)> = probes.iter().map(|&(p, q)| (p, q, 1.0)).collect();
-    let mapped = Similarity::onto(&pairs, false);
-    let mut to_source = Affine {
-        linear: mapped.turn.map(|row| vector::scaled(row, mapped.scale)),
-        shift: mapped.apply([0.0; 3]),
-    };
+    let mut to_source = Affine::from(Similarity::onto(&pairs, false));
     for _ in 0..COINCIDENCE.rounds {
         let feet: Vec<Foot> = (probes.par_iter())
             .map(|&(place, _)| {

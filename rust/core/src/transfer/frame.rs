@@ -1,5 +1,6 @@
 //! How a map turns and scales the surroundings of one point, and matrices of three rows.
 
+use crate::algebra::similarity::{Similarity, nearest_turn};
 use crate::algebra::vector::{self, Point};
 
 /// Rows of a matrix.
@@ -54,6 +55,22 @@ pub(crate) fn inverse(m: &Matrix) -> Option<Matrix> {
         vector::cross(m[0], m[1]),
     ];
     Some(transposed(&cofactors).map(|row| vector::scaled(row, 1.0 / det)))
+}
+
+/// The turn and the symmetric stretch of which a matrix is `turn · stretch`; the turn mirrors if the matrix does.
+///
+/// The turn is the orthogonal matrix nearest to it. Of a matrix that flattens space along more than one axis it is any of them.
+///
+/// # Source
+/// The polar decomposition: Higham, "Computing the polar decomposition, with applications", 1986.
+#[must_use]
+pub fn polar(m: &[Point; 3]) -> ([Point; 3], [Point; 3]) {
+    let turn = nearest_turn(m, determinant(m) < 0.0);
+    let stretch = product(&transposed(&turn), m);
+    // Both halves of it are right to rounding.
+    let even = |i: usize, j: usize| f64::midpoint(stretch[i][j], stretch[j][i]);
+    let stretch = [0, 1, 2].map(|i| [0, 1, 2].map(|j| even(i, j)));
+    (turn, stretch)
 }
 
 /// An affine map of space, `p → linear · p + shift`.
@@ -116,10 +133,22 @@ impl Affine {
     }
 }
 
+impl From<Similarity> for Affine {
+    fn from(found: Similarity) -> Self {
+        Self {
+            linear: found.turn.map(|row| vector::scaled(row, found.scale)),
+            shift: found.apply([0.0; 3]),
+        }
+    }
+}
+
+pub(crate) fn unity() -> Matrix {
+    [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
-
     #[test]
     fn an_affine_map_and_its_inverse_lead_back() {
         let map = Affine {
@@ -139,5 +168,22 @@ mod tests {
             ..map
         };
         assert!(flat.inverse().is_none());
+    }
+
+    /// A turn by a third about (1, 1, 1).
+    const TURN: Matrix = [[0.0, 0.0, 1.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+
+    #[test]
+    fn a_matrix_is_its_turn_after_its_stretch() {
+        let made = [[2.0, 0.3, -0.2], [0.3, 0.6, 0.1], [-0.2, 0.1, 1.1]];
+        for turned in [TURN, TURN.map(|row| vector::scaled(row, -1.0))] {
+            let (turn, stretch) = polar(&product(&turned, &made));
+            for (found, wanted) in [(turn, turned), (stretch, made)] {
+                for (x, e) in found.as_flattened().iter().zip(wanted.as_flattened()) {
+                    // Some roundings of a matrix of size 2.
+                    assert!((x - e).abs() < 1e-14, "{found:?}");
+                }
+            }
+        }
     }
 }

@@ -19,6 +19,7 @@ pub mod layout;
 pub mod normal_maps;
 pub mod outfit;
 pub mod parts;
+pub mod poses;
 pub mod seam_cuts;
 pub mod settings;
 pub mod skin_weights;
