@@ -158,11 +158,7 @@ pub fn sound_mesh(mesh: &Mesh, vertices: &[[f64; 3]], faces: &[[i64; 3]]) {
     assert!(mesh.faces.iter().flatten().all(|&v| (v as usize) < n));
     assert!(mesh.vertices.iter().flatten().all(|x| x.is_finite()));
     assert_eq!(mesh.input_vertex.len(), mesh.vertices.len());
-    assert!(
-        mesh.input_vertex
-            .iter()
-            .all(|&v| (v as usize) < vertices.len())
-    );
+    assert!(mesh.input_vertex.iter().all(|v| v.index() < vertices.len()));
     assert!(mesh.input_face.iter().all(|&f| (f as usize) < faces.len()));
     assert_eq!(mesh.input_positions.len(), vertices.len());
     let area: f64 = (0..mesh.faces.len()).map(|f| mesh.face_area(f)).sum();

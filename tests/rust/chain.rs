@@ -4,11 +4,13 @@ use std::sync::Arc;
 
 use sgmds_core::Error;
 use sgmds_core::geodesics::metric::Metric;
+use sgmds_core::matching::problem::landmark::Landmark;
 use sgmds_core::matching::problem::pair::{Coverage, Mirror};
 use sgmds_core::matching::ranking::quality::{Grade, graded};
 use sgmds_core::matching::{self, Correspondence, Method, Options, match_shapes};
 use sgmds_core::mesh::Mesh;
 use sgmds_core::mesh::boundary;
+use sgmds_core::mesh::numbering::InputVertex;
 use sgmds_core::shape::Shape;
 use sgmds_core::watch::progress::Progress;
 
@@ -19,7 +21,11 @@ fn prepared(vertices: &[Point], faces: &[[i64; 3]]) -> Arc<Shape> {
     Arc::new(Shape::new(vertices, faces, &progress, &|s, f| progress.enter(s, f)).unwrap())
 }
 
-fn found(source: &Arc<Shape>, target: &Arc<Shape>, options: &Options) -> Correspondence {
+fn found(
+    source: &Arc<Shape>,
+    target: &Arc<Shape>,
+    options: &Options<InputVertex>,
+) -> Correspondence {
     let progress = Progress::default();
     match_shapes(source, target, options, &progress, &|s, f| {
         progress.enter(s, f)
@@ -213,7 +219,7 @@ fn a_part_finds_its_place_on_the_whole() {
         ..Options::default()
     };
     let map = found(&whole, &part, &options);
-    let kept: Vec<u32> = part.mesh.input_vertex.clone();
+    let kept: Vec<u32> = part.mesh.input_vertex.iter().map(|v| v.0).collect();
     let sum: f64 = kept
         .iter()
         .map(|&v| {
@@ -263,16 +269,17 @@ fn three_landmarks_choose_among_equal_maps_and_are_met_exactly() {
     let shape = prepared(&source.0, &source.1);
     for signs in HALF_TURNS {
         let wanted = permutation(&source.0, signs);
-        let landmarks: Vec<(u32, u32)> = [3, 700, 1500]
-            .map(|v: u32| (wanted[v as usize] as u32, v))
-            .to_vec();
+        let landmarks = [3, 700, 1500].map(|v: u32| Landmark {
+            source: InputVertex(wanted[v as usize] as u32),
+            target: InputVertex(v),
+        });
         let options = Options {
-            landmarks: landmarks.clone(),
+            landmarks: landmarks.to_vec(),
             ..Options::default()
         };
         let map = found(&shape, &shape, &options);
-        for (s, t) in landmarks {
-            assert_eq!(map.vertices[t as usize], s);
+        for Landmark { source, target } in landmarks {
+            assert_eq!(map.vertices[target.index()], source.0);
         }
         let error = mean_error(&map, &source, &wanted);
         // Half an edge; the other maps are off by half the body.
@@ -381,7 +388,7 @@ fn what_a_half_lacks_lies_beyond_its_rim() {
     let images: Vec<u32> = points
         .iter()
         .map(|&p| {
-            let far = |&a: &u32| length(sub(points[half.input_vertex[a as usize] as usize], p));
+            let far = |&a: &u32| length(sub(points[half.input_vertex[a as usize].index()], p));
             let ids = 0..half.vertices.len() as u32;
             ids.min_by(|a, b| far(a).total_cmp(&far(b))).unwrap()
         })

@@ -51,12 +51,12 @@ fn main() -> Result<(), Box<dyn Error>> {
         file.write_all(&number.to_le_bytes())?;
     }
     for &s in sources {
-        file.write_all(&mesh.input_vertex[s as usize].to_le_bytes())?;
+        file.write_all(&mesh.input_vertex[s as usize].0.to_le_bytes())?;
     }
     for row in distances.chunks_exact(n) {
         let mut given = vec![f32::INFINITY; vertices.len()];
         for (d, &v) in row.iter().zip(&mesh.input_vertex) {
-            given[v as usize] = (f64::from(*d) * mesh.scale) as f32;
+            given[v.index()] = (f64::from(*d) * mesh.scale) as f32;
         }
         for d in given {
             file.write_all(&d.to_le_bytes())?;

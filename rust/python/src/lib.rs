@@ -21,11 +21,13 @@ use pyo3::types::PyDict;
 use sgmds_core::Error;
 use sgmds_core::figure::{self, Figure, FigureMap};
 use sgmds_core::geodesics::metric::Metric;
+use sgmds_core::matching::problem::landmark::Landmark;
 use sgmds_core::matching::problem::pair::{Coverage, LeftOut, Mirror};
 use sgmds_core::matching::ranking::Metrics;
 use sgmds_core::matching::ranking::quality;
 use sgmds_core::matching::{self, Correspondence, Method, Options};
 use sgmds_core::memory;
+use sgmds_core::mesh::numbering::GivenVertex;
 use sgmds_core::mesh::{Mesh, polygons};
 use sgmds_core::shape::CostlyParts;
 use sgmds_core::shape::full_resolution::FullResolution;
@@ -114,7 +116,9 @@ impl PreparedShape {
     /// Samples from which distances were marched.
     #[getter]
     fn samples<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<i64>> {
-        self.figure.given_samples().into_pyarray(py)
+        let samples = self.figure.given_samples().into_iter();
+        let ids: Vec<i64> = samples.map(|v| i64::from(v.0)).collect();
+        ids.into_pyarray(py)
     }
 
     /// Vertices of the mesh on which maps are sought.
@@ -439,6 +443,10 @@ fn match_pair(
     progress: Option<&Bound<'_, PyAny>>,
     threads: Option<usize>,
 ) -> PyResult<RawMatch> {
+    let landmark = |(source, target)| Landmark {
+        source: GivenVertex(source),
+        target: GivenVertex(target),
+    };
     let options = Options {
         method: match method {
             "paper" => Method::Paper,
@@ -456,7 +464,7 @@ fn match_pair(
             Some("target") => Some(Coverage::TARGET_IS_PART),
             _ => None,
         },
-        landmarks,
+        landmarks: landmarks.into_iter().map(landmark).collect(),
         same_axes,
         left_out: LeftOut::named(&without).map_err(|e| errors::to_python(py, &e))?,
     };

@@ -16,6 +16,7 @@ use crate::algebra::dense::Rows;
 use crate::baselines::settings::GMDS;
 use crate::error::Result;
 use crate::geodesics::{Seed, Workspace};
+use crate::mesh::numbering::WorkingVertex;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::shape::Shape;
 use crate::shape::nearest::nearest;
@@ -146,7 +147,7 @@ impl<'a> Placement<'a> {
             converged: false,
         };
         for (i, &v) in vertices.iter().enumerate() {
-            placement.points.push(source.point_at(v));
+            placement.points.push(source.point_at(WorkingVertex(v)));
             placement.march(i);
         }
         placement

@@ -10,7 +10,9 @@ use super::{Figure, FigureMap, Origin};
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::figure::settings::{COPIES, FIGURE};
+use crate::matching::problem::landmark::Landmark;
 use crate::mesh::copies::{Original, Triangles, originals};
+use crate::mesh::numbering::{GivenVertex, InputVertex};
 use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::Surface;
 use crate::transfer::surface::blend;
@@ -89,12 +91,12 @@ pub(super) fn agree(
     source: &Figure,
     target: &Figure,
     common: &[Option<Original>],
-    landmarks: &[(u32, u32)],
+    landmarks: &[Landmark<GivenVertex>],
 ) -> bool {
     let reach = COPIES.agree * vector::extent(&source.welded.vertices);
-    landmarks.iter().all(|&(s, t)| {
-        let of = |figure: &Figure, v: u32| figure.welded.class.get(v as usize).copied();
-        let (Some(s), Some(t)) = (of(source, s), of(target, t)) else {
+    landmarks.iter().all(|landmark| {
+        let of = |figure: &Figure, v: GivenVertex| figure.welded.class.get(v.index()).copied();
+        let (Some(s), Some(t)) = (of(source, landmark.source), of(target, landmark.target)) else {
             // Not among the vertices, as is told when they are matched.
             return false;
         };
@@ -109,7 +111,7 @@ pub(super) fn add_landmarks(
     source: &Figure,
     target: &Figure,
     found: &[Option<Original>],
-    landmarks: &mut Vec<(u32, u32)>,
+    landmarks: &mut Vec<Landmark<InputVertex>>,
 ) {
     let known = |v: usize| {
         let original = found[v].filter(|original| original.is_only)?;
@@ -124,9 +126,13 @@ pub(super) fn add_landmarks(
             break;
         };
         let (s, t) = known[next];
-        let pair = (source.matched_class(s), target.matched_class(t));
-        if !landmarks.iter().any(|l| l.0 == pair.0 || l.1 == pair.1) {
-            landmarks.push(pair);
+        let new = Landmark {
+            source: source.matched_class(s),
+            target: target.matched_class(t),
+        };
+        let is_taken = |l: &Landmark<_>| l.source == new.source || l.target == new.target;
+        if !landmarks.iter().any(is_taken) {
+            landmarks.push(new);
         }
         let new = place(&known[next]);
         for (left, other) in left.iter_mut().zip(&known) {
@@ -173,7 +179,7 @@ impl Figure {
         match &self.wrapped {
             Some(wrapped) => wrapped.anchors[class as usize].away <= FIGURE.on_envelope,
             None => (self.shape.given_mesh().input_vertex)
-                .binary_search(&class)
+                .binary_search(&InputVertex(class))
                 .is_ok(),
         }
     }

@@ -4,6 +4,7 @@ use super::{Figure, FigureMap, Origin};
 use crate::algebra::vector::{self, Point};
 use crate::figure::settings::{JUDGEMENT, TURNING};
 use crate::matching::ranking::quality::{self, Grade};
+use crate::mesh::numbering::GivenVertex;
 use crate::transfer::surface::blend;
 
 /// Grade and reasons of a map between figures.
@@ -77,31 +78,37 @@ pub fn graded(found: &FigureMap, source: &Figure, target: &Figure) -> (Grade, Ve
 fn is_way_round_told(found: &FigureMap, source: &Figure, target: &Figure) -> bool {
     let landmarks = &found.landmarks;
     !landmarks.is_empty()
-        && source.are_off_every_axis(landmarks.iter().map(|&(s, _)| s))
-        && target.are_off_every_axis(landmarks.iter().map(|&(_, t)| t))
-        && landmarks.iter().all(|&(s, t)| {
-            let (own, images) = around(found, source, target, t);
+        && source.are_off_every_axis(landmarks.iter().map(|l| l.source))
+        && target.are_off_every_axis(landmarks.iter().map(|l| l.target))
+        && landmarks.iter().all(|landmark| {
+            let (own, images) = around(found, source, target, landmark.target);
             let apart = |a, b, figure: &Figure| vector::distance(a, b) / figure.shape.unit;
             // At a border the neighbours lie to one side.
-            let aside = apart(own, target.place(t), target);
-            apart(images, source.place(s), source) < aside + TURNING.slid
+            let aside = apart(own, target.place(landmark.target), target);
+            apart(images, source.place(landmark.source), source) < aside + TURNING.slid
         })
 }
 
 /// Mean place of the neighbours of a target vertex, and of their images.
-fn around(found: &FigureMap, source: &Figure, target: &Figure, vertex: u32) -> (Point, Point) {
+fn around(
+    found: &FigureMap,
+    source: &Figure,
+    target: &Figure,
+    vertex: GivenVertex,
+) -> (Point, Point) {
     let class = |v: u32| target.welded.class[v as usize];
+    let own_class = class(vertex.0);
     let faces = target.faces.iter();
-    let at = faces.filter(|f| f.iter().any(|&v| class(v) == class(vertex)));
-    let others = at.flatten().filter(|&&v| class(v) != class(vertex));
+    let at = faces.filter(|f| f.iter().any(|&v| class(v) == own_class));
+    let others = at.flatten().filter(|&&v| class(v) != own_class);
     let (mut count, mut own, mut images) = (0.0, [0.0; 3], [0.0; 3]);
     for &v in others {
         let corners = source.faces[found.map.faces[v as usize] as usize];
         let image = blend(
-            corners.map(|c| source.place(c)),
+            corners.map(|c| source.place(GivenVertex(c))),
             found.map.barycentric[v as usize],
         );
-        own = vector::add(own, target.place(v));
+        own = vector::add(own, target.place(GivenVertex(v)));
         images = vector::add(images, image);
         count += 1.0;
     }

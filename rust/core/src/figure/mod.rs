@@ -26,7 +26,9 @@ use crate::envelope::{self, Envelope};
 use crate::error::{Error, Result};
 use crate::figure::settings::{FIGURE, TURNING};
 use crate::geodesics::metric::Metric;
+use crate::matching::problem::landmark::Landmark;
 use crate::matching::{self, Method, Options, match_shapes};
+use crate::mesh::numbering::{GivenVertex, InputVertex};
 use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::weld::{Welded, checked_faces};
 use crate::mesh::{IntakeReport, strays};
@@ -255,7 +257,7 @@ impl Figure {
     }
 
     /// Whether given vertices tell all turns of what is matched apart.
-    fn are_off_every_axis(&self, given: impl Iterator<Item = u32>) -> bool {
+    fn are_off_every_axis(&self, given: impl Iterator<Item = GivenVertex>) -> bool {
         let mesh = self.shape.given_mesh();
         let place = |v| mesh.input_vertex.binary_search(&self.matched_vertex(v));
         let known = given.filter_map(|v| place(v).ok());
@@ -263,27 +265,27 @@ impl Figure {
     }
 
     /// Where a given vertex is, in given units.
-    fn place(&self, given: u32) -> Point {
-        self.welded.vertices[self.welded.class[given as usize] as usize]
+    fn place(&self, given: GivenVertex) -> Point {
+        self.welded.vertices[self.welded.class[given.index()] as usize]
     }
 
     /// Number that a given vertex has in what is matched; the nearest one of an envelope.
-    fn matched_vertex(&self, given: u32) -> u32 {
-        let Some(&class) = self.welded.class.get(given as usize) else {
+    fn matched_vertex(&self, given: GivenVertex) -> InputVertex {
+        let Some(&class) = self.welded.class.get(given.index()) else {
             // Out of range here and there.
-            return given;
+            return InputVertex(given.0);
         };
         self.matched_class(class)
     }
 
     /// The same of a welded vertex.
-    fn matched_class(&self, class: u32) -> u32 {
+    fn matched_class(&self, class: u32) -> InputVertex {
         match &self.wrapped {
             Some(wrapped) => {
                 let SurfacePoint { face, weights } = wrapped.anchors[class as usize].point;
-                wrapped.surface.triangles[face as usize][largest(weights)]
+                InputVertex(wrapped.surface.triangles[face as usize][largest(weights)])
             }
-            None => class,
+            None => InputVertex(class),
         }
     }
 
@@ -339,23 +341,23 @@ impl Figure {
     /// Samples from which distances were marched, in given numbering: the first vertex at their place, or the nearest one
     /// to a sample of an envelope.
     #[must_use]
-    pub fn given_samples(&self) -> Vec<i64> {
-        let samples = self.shape.given_samples();
+    pub fn given_samples(&self) -> Vec<GivenVertex> {
+        let samples = self.shape.input_samples();
         if self.is_plain() {
-            return samples;
+            return samples.iter().map(|v| GivenVertex(v.0)).collect();
         }
-        let mut first = vec![0; self.welded.vertices.len()];
+        let mut first = vec![GivenVertex(0); self.welded.vertices.len()];
         for (given, &class) in self.welded.class.iter().enumerate().rev() {
-            first[class as usize] = given as i64;
+            first[class as usize] = GivenVertex(given as u32);
         }
         match &self.wrapped {
             Some(wrapped) => {
                 let tree = crate::algebra::space_tree::SpaceTree::new(&self.welded.vertices);
-                let place = |&v: &i64| wrapped.surface.vertices[v as usize];
+                let place = |v: &InputVertex| wrapped.surface.vertices[v.index()];
                 let near = samples.iter().map(|v| tree.nearest(place(v)).unwrap_or(0));
                 near.map(|class| first[class as usize]).collect()
             }
-            None => samples.iter().map(|&class| first[class as usize]).collect(),
+            None => samples.iter().map(|class| first[class.index()]).collect(),
         }
     }
 }
@@ -367,7 +369,7 @@ impl Figure {
 pub fn match_figures(
     source: &Figure,
     target: &Figure,
-    options: &Options,
+    options: &Options<GivenVertex>,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<FigureMap> {
@@ -378,9 +380,11 @@ pub fn match_figures(
     {
         return Ok(found);
     }
-    let given = options.landmarks.iter();
-    let matched = |&(s, t): &_| (source.matched_vertex(s), target.matched_vertex(t));
-    let mut landmarks: Vec<(u32, u32)> = given.map(matched).collect();
+    let matched = |given: &Landmark<GivenVertex>| Landmark {
+        source: source.matched_vertex(given.source),
+        target: target.matched_vertex(given.target),
+    };
+    let mut landmarks: Vec<_> = options.landmarks.iter().map(matched).collect();
     let has_pieces = source.pieces > 1 || target.pieces > 1;
     let mut by_copies = options.method == Method::Auto && options.coverage.is_none() && has_pieces;
     if by_copies {
@@ -393,10 +397,7 @@ pub fn match_figures(
             copies::add_landmarks(source, target, &common, &mut landmarks);
         }
     }
-    let within = Options {
-        landmarks,
-        ..options.clone()
-    };
+    let within = options.with_landmarks(landmarks);
     let found = match_shapes(&source.shape, &target.shape, &within, progress, report)?;
     let given = options.landmarks.clone();
     FigureMap::pulled_back(found, source, target, given, by_copies, progress)

@@ -16,6 +16,8 @@ use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::figure::settings::{FIGURE, PULL_BACK};
 use crate::matching::Correspondence;
+use crate::matching::problem::landmark::Landmark;
+use crate::mesh::numbering::GivenVertex;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::transfer::counterparts::{Members, Piece, extent, largest_small, members};
 use crate::transfer::parts::components;
@@ -33,8 +35,8 @@ pub struct FigureMap {
     pub unknown: f64,
     /// How it was found.
     pub origin: Origin,
-    /// Pairs (source vertex, target vertex) that the caller gave, in given numbering.
-    pub landmarks: Vec<(u32, u32)>,
+    /// Pairs of points that the caller gave.
+    pub landmarks: Vec<Landmark<GivenVertex>>,
 }
 
 /// How a map between figures was found.
@@ -61,7 +63,7 @@ impl FigureMap {
         mut map: Correspondence,
         source: &Figure,
         target: &Figure,
-        landmarks: Vec<(u32, u32)>,
+        landmarks: Vec<Landmark<GivenVertex>>,
         by_copies: bool,
         progress: &Progress,
     ) -> Result<Self> {

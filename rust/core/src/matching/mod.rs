@@ -19,7 +19,9 @@ use std::sync::Arc;
 use crate::baselines::{functional_map, gmds};
 use crate::error::{Error, Result};
 use crate::matching::problem::constraints::Constraints;
+use crate::matching::problem::landmark::Landmark;
 use crate::matching::problem::pair::{Coverage, LeftOut, Mirror, Pair};
+use crate::mesh::numbering::{InputVertex, WorkingVertex};
 use crate::shape::Shape;
 use crate::watch::progress::Progress;
 
@@ -43,24 +45,39 @@ pub enum Method {
     FunctionalMap,
 }
 
-/// What the caller may ask for.
+/// What the caller may ask for; landmarks by the numbers that vertices have in what is matched.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct Options<Vertex> {
     /// Algorithm.
     pub method: Method,
     /// Whether mirrored maps are allowed.
     pub mirror: Mirror,
     /// Which shape is a part of the other; found out when `None`.
     pub coverage: Option<Coverage>,
-    /// Pairs (source vertex, target vertex) in given numbering.
-    pub landmarks: Vec<(u32, u32)>,
+    /// Pairs of points that belong together.
+    pub landmarks: Vec<Landmark<Vertex>>,
     /// Whether left, front and up are the same directions on both shapes.
     pub same_axes: bool,
     /// Parts of the automatic method that are not used, to see what they contribute.
     pub left_out: LeftOut,
 }
 
-impl Default for Options {
+impl<Vertex> Options<Vertex> {
+    /// The same with other landmarks, whose vertices may be numbered otherwise.
+    #[must_use]
+    pub fn with_landmarks<Other>(&self, landmarks: Vec<Landmark<Other>>) -> Options<Other> {
+        Options {
+            landmarks,
+            method: self.method,
+            mirror: self.mirror,
+            coverage: self.coverage,
+            same_axes: self.same_axes,
+            left_out: self.left_out,
+        }
+    }
+}
+
+impl<Vertex> Default for Options<Vertex> {
     fn default() -> Self {
         Self {
             method: Method::Auto,
@@ -80,7 +97,7 @@ impl Default for Options {
 pub fn match_shapes(
     source: &Arc<Shape>,
     target: &Arc<Shape>,
-    options: &Options,
+    options: &Options<InputVertex>,
     progress: &Progress,
     report: &(dyn Fn(&'static str, f64) -> Result<()> + Sync),
 ) -> Result<Correspondence> {
@@ -109,7 +126,7 @@ pub fn match_shapes(
             embedded(source, target, &embedding, progress, report)
         }
         Method::Auto => {
-            let landmarks = checked_landmarks(source, target, &options.landmarks)?;
+            let landmarks = working_landmarks(source, target, &options.landmarks)?;
             if !landmarks.is_empty() {
                 report("landmarks", 0.0)?;
             }
@@ -145,27 +162,26 @@ pub fn match_shapes(
 }
 
 /// Landmarks as vertices of the meshes on which the map is sought.
-fn checked_landmarks(
+fn working_landmarks(
     source: &Shape,
     target: &Shape,
-    given: &[(u32, u32)],
-) -> Result<Vec<(u32, u32)>> {
-    let find = |shape: &Shape, which: &str, vertex: u32| {
-        let full = shape.full.as_ref();
-        shape
-            .given_mesh()
-            .input_vertex
-            .binary_search(&vertex)
-            .map(|i| full.map_or(i as u32, |f| f.working_vertex(i as u32, &shape.mesh)))
-            .map_err(|_| Error::BadArgument {
-                what: format!(
-                    "landmark vertex {vertex} of the {which} is not on its largest part: \
-                     choose a vertex of the main surface"
-                ),
-            })
+    given: &[Landmark<InputVertex>],
+) -> Result<Vec<Landmark<WorkingVertex>>> {
+    let find = |shape: &Shape, which: &str, vertex: InputVertex| {
+        let found = shape.working_vertex(vertex);
+        found.ok_or_else(|| Error::BadArgument {
+            what: format!(
+                "landmark vertex {} of the {which} is not on its largest part: \
+                 choose a vertex of the main surface",
+                vertex.0
+            ),
+        })
     };
-    given
-        .iter()
-        .map(|&(s, t)| Ok((find(source, "source", s)?, find(target, "target", t)?)))
-        .collect()
+    let landmark = |given: &Landmark<InputVertex>| {
+        Ok(Landmark {
+            source: find(source, "source", given.source)?,
+            target: find(target, "target", given.target)?,
+        })
+    };
+    given.iter().map(landmark).collect()
 }

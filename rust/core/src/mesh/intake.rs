@@ -2,6 +2,7 @@
 
 use crate::algebra::vector::{self, Point};
 use crate::error::{Error, Result};
+use crate::mesh::numbering::InputVertex;
 use crate::mesh::settings::INTAKE;
 
 /// A face counts as flat when its area is below this fraction of the square of its longest edge: in
@@ -42,8 +43,8 @@ pub struct Mesh {
     pub vertices: Vec<Point>,
     /// Triangles, `(m)`, consistently wound where the surface is orientable.
     pub faces: Vec<[u32; 3]>,
-    /// Given vertex of each vertex.
-    pub input_vertex: Vec<u32>,
+    /// What each vertex was as the intake was given it.
+    pub input_vertex: Vec<InputVertex>,
     /// Given face of each face.
     pub input_face: Vec<u32>,
     /// Whether the last two corners of each face were exchanged to turn its winding.
@@ -200,7 +201,7 @@ impl Mesh {
         Ok(Self {
             vertices: positions.iter().map(place).collect(),
             faces,
-            input_vertex,
+            input_vertex: InputVertex::each(input_vertex),
             input_face: kept.iter().map(|&(id, _)| id).collect(),
             scale: length * unit,
             centre: vector::add(origin, vector::scaled(centre, unit)),

@@ -9,6 +9,7 @@ pub mod convexity;
 pub mod copies;
 pub mod edge_weights;
 mod intake;
+pub mod numbering;
 pub mod polygons;
 pub mod settings;
 pub mod simplification;

@@ -11,6 +11,7 @@ use crate::geodesics;
 use crate::geodesics::distance_operator;
 use crate::geodesics::metric::{Measured, Metric};
 use crate::mesh::bisection::{Bisected, Piece, bisected};
+use crate::mesh::numbering::{CheckedVertex, WorkingVertex};
 use crate::mesh::simplification::simplified;
 use crate::mesh::surface_point::{SurfacePoint, nearest_in_triangle};
 use crate::mesh::{Adjacency, Mesh};
@@ -26,7 +27,7 @@ pub struct FullResolution {
     /// The given mesh, checked.
     pub mesh: Mesh,
     /// Vertex of the given mesh at each vertex of the working one, close to it when it has more.
-    pub kept: Vec<u32>,
+    kept: Vec<CheckedVertex>,
     /// Where each vertex lies on the working mesh.
     pub points: Vec<SurfacePoint>,
     /// Where each face of the working mesh lies on the given one; nothing when it was simplified.
@@ -72,17 +73,14 @@ impl FullResolution {
         // What the check dropped takes over the anchor of any vertex that is left.
         let mut number = vec![0; positions.len()];
         for (i, &v) in working.input_vertex.iter().enumerate() {
-            number[v as usize] = i as u32;
+            number[v.index()] = i as u32;
         }
-        let kept: Vec<u32> = working
+        let kept: Vec<CheckedVertex> = working
             .input_vertex
             .iter()
-            .map(|&v| coarse.kept[v as usize])
+            .map(|&v| CheckedVertex(coarse.kept[v.index()]))
             .collect();
-        working.input_vertex = kept
-            .iter()
-            .map(|&v| mesh.input_vertex[v as usize])
-            .collect();
+        working.input_vertex = kept.iter().map(|&v| mesh.input_vertex[v.index()]).collect();
         working.centre = vector::add(vector::scaled(working.centre, mesh.scale), mesh.centre);
         working.scale *= mesh.scale;
         working.report = mesh.report.clone();
@@ -91,7 +89,7 @@ impl FullResolution {
         let ground = Ground {
             vertices: &kept
                 .iter()
-                .map(|&v| mesh.vertices[v as usize])
+                .map(|&v| mesh.vertices[v.index()])
                 .collect::<Vec<_>>(),
             faces: &working.faces,
             vertex_faces: &working.vertex_faces(),
@@ -141,18 +139,19 @@ impl FullResolution {
             report: mesh.report.clone(),
             input_positions: mesh.input_positions.clone(),
         };
+        let kept = CheckedVertex::each(close);
         let vertex_faces = working.vertex_faces();
         let points = (0..mesh.vertices.len() as u32)
             .map(|v| SurfacePoint::at_corner(&working.faces, vertex_faces.row(v as usize)[0], v))
             .collect();
-        let full = Self::beside(&working, mesh, close, points, Some(pieces));
+        let full = Self::beside(&working, mesh, kept, points, Some(pieces));
         (working, full)
     }
 
     fn beside(
         working: &Mesh,
         mesh: Mesh,
-        kept: Vec<u32>,
+        kept: Vec<CheckedVertex>,
         points: Vec<SurfacePoint>,
         pieces: Option<Vec<Piece>>,
     ) -> Self {
@@ -178,20 +177,29 @@ impl FullResolution {
     }
 
     /// Vertices whose points lie on a face of the working mesh.
-    #[must_use]
-    pub fn on_face(&self, face: u32) -> &[u32] {
-        self.on_face.row(face as usize)
+    pub fn on_face(&self, face: u32) -> impl ExactSizeIterator<Item = CheckedVertex> + '_ {
+        self.on_face
+            .row(face as usize)
+            .iter()
+            .copied()
+            .map(CheckedVertex)
     }
 
-    /// Vertex of the working mesh nearest to a given one.
+    /// Vertex of the given mesh at a vertex of the working one, close to it when that has more.
     #[must_use]
-    pub fn working_vertex(&self, vertex: u32, working: &Mesh) -> u32 {
-        let SurfacePoint { face, weights } = self.points[vertex as usize];
+    pub fn checked_vertex(&self, vertex: WorkingVertex) -> CheckedVertex {
+        self.kept[vertex.index()]
+    }
+
+    /// Vertex of the working mesh nearest to one of the given mesh.
+    #[must_use]
+    pub fn working_vertex(&self, vertex: CheckedVertex, working: &Mesh) -> WorkingVertex {
+        let SurfacePoint { face, weights } = self.points[vertex.index()];
         let largest = (1..3).fold(
             0,
             |best, c| if weights[c] > weights[best] { c } else { best },
         );
-        working.faces[face as usize][largest]
+        WorkingVertex(working.faces[face as usize][largest])
     }
 
     /// Values at the vertices of the working mesh, carried to the given vertices.
@@ -232,23 +240,21 @@ impl FullResolution {
             .map(|point| {
                 check()?;
                 let corners = working.faces[point.face as usize].map(|v| self.kept[v as usize]);
-                let [a, b, c] = corners.map(|v| self.mesh.vertices[v as usize]);
+                let place_of = |v: CheckedVertex| self.mesh.vertices[v.index()];
+                let [a, b, c] = corners.map(place_of);
                 let place = (0..3).fold([0.0; 3], |sum, i| {
                     vector::add(sum, vector::scaled([a, b, c][i], point.weights[i]))
                 });
                 let normal = vector::cross(vector::sub(b, a), vector::sub(c, a));
-                let apart = |v: u32| vector::distance(self.mesh.vertices[v as usize], place);
-                let start =
-                    corners
-                        .iter()
-                        .chain(self.on_face(point.face))
-                        .fold(
-                            corners[0],
-                            |best, &v| {
-                                if apart(v) < apart(best) { v } else { best }
-                            },
-                        );
-                Ok(ground.closest(place, normal, start))
+                let apart = |v: CheckedVertex| vector::distance(place_of(v), place);
+                let around = corners.into_iter().chain(self.on_face(point.face));
+                let start = around.fold(
+                    corners[0],
+                    |best, v| {
+                        if apart(v) < apart(best) { v } else { best }
+                    },
+                );
+                Ok(ground.closest(place, normal, start.0))
             })
             .collect()
     }
@@ -279,7 +285,7 @@ impl FullResolution {
             ..
         } = Measured::new(&self.mesh, metric)?;
         let basis = Eigenbasis::new(&laplacian, pairs, &cancelled)?;
-        let samples: Vec<u32> = samples.iter().map(|&v| self.kept[v as usize]).collect();
+        let samples: Vec<u32> = samples.iter().map(|&v| self.kept[v as usize].0).collect();
         let fields = geodesics::distances_from(&marching, &samples, &cancelled)?;
         let d = |i: usize, j: usize| f64::from(fields[(samples[i] as usize, j)]);
         let geodesics = Mat::from_fn(samples.len(), samples.len(), |i, j| {

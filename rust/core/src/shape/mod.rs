@@ -23,6 +23,7 @@ use crate::geodesics::settings::DISTANCE_OPERATOR;
 use crate::geodesics::{self, FastMarching};
 use crate::mesh::boundary;
 use crate::mesh::convexity::Surface;
+use crate::mesh::numbering::{CheckedVertex, InputVertex, WorkingVertex};
 use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::{Adjacency, Mesh};
 use crate::shape::descriptors::Descriptors;
@@ -450,11 +451,29 @@ impl Shape {
         })
     }
 
+    /// The vertex of the given mesh at a vertex, or close to it.
+    #[must_use]
+    pub fn checked_vertex(&self, vertex: WorkingVertex) -> CheckedVertex {
+        let itself = || CheckedVertex(vertex.0);
+        (self.full.as_ref()).map_or_else(itself, |full| full.checked_vertex(vertex))
+    }
+
+    /// The vertex nearest to one that was given to the intake; `None` where that was dropped.
+    #[must_use]
+    pub fn working_vertex(&self, vertex: InputVertex) -> Option<WorkingVertex> {
+        let checked = self.given_mesh().input_vertex.binary_search(&vertex).ok()?;
+        let checked = CheckedVertex(checked as u32);
+        let itself = || WorkingVertex(checked.0);
+        let found = (self.full.as_ref())
+            .map_or_else(itself, |full| full.working_vertex(checked, &self.mesh));
+        Some(found)
+    }
+
     /// A vertex as a point of one of its triangles.
     #[must_use]
-    pub fn point_at(&self, vertex: u32) -> SurfacePoint {
-        let face = self.vertex_faces.row(vertex as usize)[0];
-        SurfacePoint::at_corner(&self.mesh.faces, face, vertex)
+    pub fn point_at(&self, vertex: WorkingVertex) -> SurfacePoint {
+        let face = self.vertex_faces.row(vertex.index())[0];
+        SurfacePoint::at_corner(&self.mesh.faces, face, vertex.0)
     }
 
     /// The first so many farthest-point samples, fewer on a small shape; any number of them covers it.
@@ -526,7 +545,7 @@ impl Shape {
         let mut eigenfunctions = Mat::zeros(mesh.input_positions.len(), basis.values.len());
         for j in 0..basis.values.len() {
             for (phi, &v) in basis.functions.col(j).iter().zip(&mesh.input_vertex) {
-                eigenfunctions[(v as usize, j)] = phi / unit;
+                eigenfunctions[(v.index(), j)] = phi / unit;
             }
         }
         Ok(PublicArrays {
@@ -551,18 +570,16 @@ impl Shape {
         };
         let mut out = vec![0.0; mesh.input_positions.len()];
         for (a, &v) in mass.iter().zip(&mesh.input_vertex) {
-            out[v as usize] = a * unit.powi(2);
+            out[v.index()] = a * unit.powi(2);
         }
         Ok(out)
     }
 
-    /// Samples from which distances were marched, in given numbering.
+    /// Samples from which distances were marched, as they were given.
     #[must_use]
-    pub fn given_samples(&self) -> Vec<i64> {
-        self.marched()
-            .iter()
-            .map(|&v| i64::from(self.mesh.input_vertex[v as usize]))
-            .collect()
+    pub fn input_samples(&self) -> Vec<InputVertex> {
+        let given = |&v: &u32| self.mesh.input_vertex[v as usize];
+        self.marched().iter().map(given).collect()
     }
 }
 

@@ -4,6 +4,7 @@ use rayon::prelude::*;
 
 use crate::algebra::dense::{LANES, Rows, squared_distance, sum_of_lanes, vectorised};
 use crate::error::Result;
+use crate::mesh::numbering::CheckedVertex;
 use crate::mesh::surface_point::{OnTriangle, SurfacePoint, closest_on_triangle};
 use crate::shape::Shape;
 use crate::shape::full_resolution::FullResolution;
@@ -230,12 +231,12 @@ pub fn projected_at_full_resolution(
     images: &[u32],
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
-    let found: Vec<Vec<(u32, SurfacePoint)>> = (0..target.mesh.faces.len() as u32)
+    let found: Vec<Vec<(CheckedVertex, SurfacePoint)>> = (0..target.mesh.faces.len() as u32)
         .into_par_iter()
         .map(|face| {
             check()?;
             let asking = full.on_face(face);
-            if asking.is_empty() {
+            if asking.len() == 0 {
                 return Ok(Vec::new());
             }
             let corners = target.mesh.faces[face as usize];
@@ -245,8 +246,8 @@ pub fn projected_at_full_resolution(
                     let rows = corners.map(|v| target_rows.row(v as usize));
                     let near = NearFaces::new(rows, corners.map(|v| images[v as usize]), source);
                     let mut found = Vec::with_capacity(asking.len());
-                    for &v in asking {
-                        let weights = full.points[v as usize].weights;
+                    for v in asking {
+                        let weights = full.points[v.index()].weights;
                         found.push((v, near.closest(weights, source)));
                     }
                     found
@@ -260,7 +261,7 @@ pub fn projected_at_full_resolution(
     };
     let mut points = vec![nowhere; full.points.len()];
     for (v, point) in found.into_iter().flatten() {
-        points[v as usize] = point;
+        points[v.index()] = point;
     }
     Ok(points)
 }

@@ -101,8 +101,9 @@ fn moved(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::matching::problem::constraints::{Constraints, Which};
+    use crate::matching::problem::constraints::Constraints;
     use crate::matching::problem::pair::Coverage;
+    use crate::matching::problem::which::Which;
     use crate::shape::Shape;
     use crate::testing::{self, RINGS, torus};
 

@@ -19,8 +19,8 @@ use rayon::prelude::*;
 use crate::algebra::dense;
 use crate::error::{Result, System};
 use crate::matching::partial::settings::SEARCH;
-use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::Pair;
+use crate::matching::problem::which::Which;
 use crate::shape::Shape;
 use crate::watch::progress::Check;
 

@@ -1,8 +1,8 @@
 //! What the map of a part leaves over of the whole. It was cut off the part, so it begins at a rim of the part.
 
 use crate::matching::partial::settings::UNCOVERED;
-use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Pair, Part};
+use crate::matching::problem::which::Which;
 use crate::matching::ranking::Hypothesis;
 use crate::shape::Shape;
 

@@ -4,45 +4,18 @@ use faer::Mat;
 
 use crate::error::Result;
 use crate::geodesics;
+use crate::matching::problem::landmark::Landmark;
 use crate::matching::problem::settings::CONSTRAINTS;
+use crate::matching::problem::which::Which;
+use crate::mesh::numbering::WorkingVertex;
 use crate::shape::Shape;
 use crate::watch::progress::Progress;
-
-/// Which shape of a pair.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Which {
-    /// The one whose points are asked for.
-    Target,
-    /// The one that answers.
-    Source,
-}
-
-impl Which {
-    /// The other one.
-    #[must_use]
-    pub fn other(self) -> Self {
-        match self {
-            Self::Target => Self::Source,
-            Self::Source => Self::Target,
-        }
-    }
-
-    /// Units of length of the other shape that one of this one is, by how many of the source one of the target is;
-    /// and back.
-    #[must_use]
-    pub fn seen(self, lengths: f64) -> f64 {
-        match self {
-            Self::Target => lengths,
-            Self::Source => 1.0 / lengths,
-        }
-    }
-}
 
 /// Known pairs of points, with distances from them over both surfaces.
 #[derive(Debug)]
 pub struct Constraints {
-    /// Pairs (source vertex, target vertex) of the checked meshes.
-    pub landmarks: Vec<(u32, u32)>,
+    /// Pairs of points that belong together.
+    pub landmarks: Vec<Landmark<WorkingVertex>>,
     /// Whether left, front and up are the same directions on both shapes.
     pub same_axes: bool,
     on_target: Mat<f32>,
@@ -69,16 +42,17 @@ impl Constraints {
     pub fn new(
         source: &Shape,
         target: &Shape,
-        landmarks: Vec<(u32, u32)>,
+        landmarks: Vec<Landmark<WorkingVertex>>,
         same_axes: bool,
         progress: &Progress,
     ) -> Result<Self> {
-        let march = |shape: &Shape, from: Vec<u32>| {
+        let march = |shape: &Shape, which: Which| {
+            let from: Vec<u32> = landmarks.iter().map(|l| l.on(which).0).collect();
             geodesics::distances_from(&shape.marching, &from, &|| progress.is_cancelled())
         };
         Ok(Self {
-            on_target: march(target, landmarks.iter().map(|&(_, t)| t).collect())?,
-            on_source: march(source, landmarks.iter().map(|&(s, _)| s).collect())?,
+            on_target: march(target, Which::Target)?,
+            on_source: march(source, Which::Source)?,
             landmarks,
             same_axes,
         })
@@ -88,7 +62,7 @@ impl Constraints {
     #[must_use]
     pub fn inverse(&self) -> Self {
         Self {
-            landmarks: self.landmarks.iter().map(|&(s, t)| (t, s)).collect(),
+            landmarks: self.landmarks.iter().map(|l| l.inverse()).collect(),
             same_axes: self.same_axes,
             on_target: self.on_source.clone(),
             on_source: self.on_target.clone(),

@@ -1,8 +1,9 @@
 //! What is asked: two shapes, which of their points ask, and what is known of the answer.
 
 use crate::error::{Error, Result};
-use crate::matching::problem::constraints::{Constraints, Which};
+use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::point_map::PointMap;
+use crate::matching::problem::which::Which;
 use crate::shape::Shape;
 
 /// Whether mirrored maps may be chosen.

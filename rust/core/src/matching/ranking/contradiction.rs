@@ -9,13 +9,15 @@ use crate::shape::nearest::nearest;
 
 /// Source vertices of the landmarks by the embeddings of a map.
 pub(super) fn landmark_images(pair: &Pair<'_>, source: &Rows, target: &Rows) -> Vec<u32> {
-    let known: Vec<u32> = pair.constraints.landmarks.iter().map(|&(_, t)| t).collect();
+    let landmarks = pair.constraints.landmarks.iter();
+    let known: Vec<u32> = landmarks.map(|l| l.target.0).collect();
     nearest(&target.gather(&known), source)
 }
 
 /// Σ (d/0.1)² over landmarks, d the distance between given and found image.
 pub(super) fn missed_landmarks(pair: &Pair<'_>, found: &[u32]) -> f64 {
-    let given: Vec<u32> = pair.constraints.landmarks.iter().map(|&(s, _)| s).collect();
+    let landmarks = pair.constraints.landmarks.iter();
+    let given: Vec<u32> = landmarks.map(|l| l.source.0).collect();
     let distances = pair.source.spectral_distances(&given, found);
     (0..given.len())
         .map(|i| (distances[(i, i)] / CONTRADICTION.landmark_tolerance).powi(2))

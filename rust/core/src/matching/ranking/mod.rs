@@ -17,6 +17,7 @@ use self::shortlist::{Shortlisted, mirrored_gain, shortlist};
 use crate::algebra::vector;
 use crate::error::Result;
 use crate::matching::problem::constraints::Constraints;
+use crate::matching::problem::landmark::Landmark;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair};
 use crate::matching::problem::point_map::PointMap;
 use crate::matching::ranking::settings::{RANKING, SHORTLIST};
@@ -24,6 +25,7 @@ use crate::matching::refinement::coinciding::Placed;
 use crate::matching::refinement::embedded_surface::{self, Refined};
 use crate::matching::refinement::settings::UPSAMPLING;
 use crate::matching::search::{Candidate, Reach};
+use crate::mesh::numbering::WorkingVertex;
 use crate::shape::Shape;
 
 pub use metrics::{Metrics, agreement, judging, metrics, sampled_images};
@@ -219,7 +221,7 @@ pub fn of_placed(pair: &Pair<'_>, found: &Refined<'_>, placed: Arc<Placed>) -> R
             facing(pair.to_source(on_source)),
         )
         .abs();
-    let image = |&(_, t): &(u32, u32)| asking.images.vertex[t as usize];
+    let image = |l: &Landmark<WorkingVertex>| asking.images.vertex[l.target.index()];
     let of_landmarks: Vec<u32> = pair.constraints.landmarks.iter().map(image).collect();
     metrics.contradiction = missed_landmarks(pair, &of_landmarks) + off_axes(pair, on_source);
     Ok(Hypothesis {

@@ -8,12 +8,15 @@ use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::Point;
 use crate::error::{Error, Result};
 use crate::geodesics::{Seed, Workspace};
-use crate::matching::problem::constraints::{Constraints, Which};
+use crate::matching::problem::constraints::Constraints;
+use crate::matching::problem::landmark::Landmark;
 use crate::matching::problem::pair::{Coverage, Pair};
+use crate::matching::problem::which::Which;
 use crate::matching::refinement::embedded_surface::{self, FULL, Refined};
 use crate::matching::refinement::piece::Piece;
 use crate::matching::refinement::settings::OVERLAP;
 use crate::mesh::Mesh;
+use crate::mesh::numbering::WorkingVertex;
 use crate::shape::Shape;
 use crate::watch::progress::Progress;
 
@@ -111,7 +114,7 @@ impl Piece {
     }
 
     fn of_mesh(mesh: Mesh, whole: &Shape, progress: &Progress) -> Result<Self> {
-        let vertices = mesh.input_vertex.clone();
+        let vertices: Vec<u32> = mesh.input_vertex.iter().map(|v| v.0).collect();
         let check = |_: &'static str, _: f64| progress.check();
         let shape = Shape::of_working_mesh((mesh, None), whole.metric, progress, &check)?;
         let places: Vec<Point> = vertices
@@ -134,11 +137,20 @@ impl Piece {
         (source, target): (&Shape, &Shape),
         progress: &Progress,
     ) -> Result<Constraints> {
-        let numbered = |v: u32| self.vertices.binary_search(&v).ok().map(|i| i as u32);
-        let landmarks = known.landmarks.iter().filter_map(|&(s, t)| match part_is {
-            Which::Target => Some((numbered(s)?, t)),
-            Which::Source => Some((s, numbered(t)?)),
-        });
+        let numbered = |v: WorkingVertex| {
+            let found = self.vertices.binary_search(&v.0).ok();
+            found.map(|i| WorkingVertex(i as u32))
+        };
+        let landmarks = known
+            .landmarks
+            .iter()
+            .filter_map(|&Landmark { source, target }| {
+                let (source, target) = match part_is {
+                    Which::Target => (numbered(source)?, target),
+                    Which::Source => (source, numbered(target)?),
+                };
+                Some(Landmark { source, target })
+            });
         Constraints::new(
             source,
             target,

@@ -11,8 +11,8 @@ use crate::algebra::dense::{self, COMPARED, Rows, multiply};
 use crate::algebra::similarity::Similarity;
 use crate::algebra::vector::Point;
 use crate::error::Result;
-use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Pair, Part};
+use crate::matching::problem::which::Which;
 use crate::matching::refinement::propagation::Images;
 use crate::matching::refinement::settings::SIDE;
 use crate::mesh::{self, Adjacency};
@@ -176,16 +176,10 @@ impl<'a> Side<'a> {
             .constraints
             .landmarks
             .iter()
-            .map(|&(s, t)| {
-                if which == Which::Target {
-                    (t, s)
-                } else {
-                    (s, t)
-                }
-            })
-            .filter_map(|(own, image)| {
+            .filter_map(|landmark| {
+                let own = landmark.on(which).0;
                 let number = asking.iter().position(|&v| v == own)?;
-                Some((number as u32, image))
+                Some((number as u32, landmark.on(which.other()).0))
             })
             .collect();
         let detail = shape.descriptors.detail.as_ref();

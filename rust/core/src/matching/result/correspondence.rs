@@ -13,11 +13,13 @@ use crate::error::{Result, System};
 use crate::matching::detail;
 use crate::matching::detail::settings::DETAIL;
 use crate::matching::problem::constraints::Constraints;
+use crate::matching::problem::landmark::Landmark;
 use crate::matching::problem::pair::Coverage;
 use crate::matching::problem::point_map::PointMaps;
 use crate::matching::ranking::{Hypothesis, Metrics};
 use crate::matching::result::confidence::confidence;
 use crate::matching::result::settings::CORRESPONDENCE;
+use crate::mesh::numbering::WorkingVertex;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::{Mesh, boundary};
 use crate::shape::Shape;
@@ -135,7 +137,7 @@ pub(in crate::matching) fn dense_map(
     [source_rows, target_rows]: [&Rows; 2],
     maps: PointMaps<'_>,
     misfit: &[(f64, f64)],
-    (landmarks, in_detail): (&[(u32, u32)], bool),
+    (landmarks, in_detail): (&[Landmark<WorkingVertex>], bool),
     progress: &Progress,
 ) -> Result<Correspondence> {
     let check: Check<'_> = &|| progress.check();
@@ -191,13 +193,10 @@ fn in_detail_of_given(
     source: &Shape,
     target: &Shape,
     points: Vec<SurfacePoint>,
-    landmarks: &[(u32, u32)],
+    landmarks: &[Landmark<WorkingVertex>],
     check: Check<'_>,
 ) -> Result<(Vec<SurfacePoint>, bool)> {
-    let full = target.full.as_ref();
-    let given = landmarks
-        .iter()
-        .map(|&(_, v)| full.map_or(v, |f| f.kept[v as usize]));
+    let given = landmarks.iter().map(|l| target.checked_vertex(l.target).0);
     let given: Vec<u32> = given.collect();
     let meshes = [source.given_mesh(), target.given_mesh()];
     if let Some(copied) = detail::copied(meshes[0], meshes[1], &points, &given, check)? {
@@ -218,7 +217,7 @@ fn located(
     target: &Shape,
     [source_rows, target_rows]: [&Rows; 2],
     images: &[u32],
-    landmarks: &[(u32, u32)],
+    landmarks: &[Landmark<WorkingVertex>],
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
     let full = target.full.as_ref();
@@ -232,9 +231,9 @@ fn located(
         ),
         None => pointwise_map::projected(&triangles, target_rows, images, check),
     }?;
-    for &(known, asking) in landmarks {
-        let vertex = full.map_or(asking, |f| f.kept[asking as usize]);
-        points[vertex as usize] = source.point_at(known);
+    for landmark in landmarks {
+        let vertex = target.checked_vertex(landmark.target);
+        points[vertex.index()] = source.point_at(landmark.source);
     }
     match &source.full {
         Some(full) => full.located(&points, &source.mesh, check),
@@ -302,7 +301,7 @@ fn in_given_numbering(
     let count = mesh.input_positions.len();
     let mut checked: Vec<Option<u32>> = vec![None; count];
     for (i, &v) in mesh.input_vertex.iter().enumerate() {
-        checked[v as usize] = Some(i as u32);
+        checked[v.index()] = Some(i as u32);
     }
     let tree = LazyCell::new(|| SpaceTree::new(&mesh.vertices));
     let mut found = Correspondence {
@@ -336,7 +335,7 @@ fn in_given_numbering(
         );
         let corner = source.faces[face as usize][largest];
         found.faces.push(source.input_face[face as usize]);
-        found.vertices.push(source.input_vertex[corner as usize]);
+        found.vertices.push(source.input_vertex[corner as usize].0);
         let turned = source.turned[face as usize];
         let [a, b, c] = weights;
         found

@@ -6,9 +6,9 @@ use super::sampled::{Sampled, Width};
 use crate::algebra::closest::closest;
 use crate::algebra::dense;
 use crate::error::{Result, System};
-use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair, Part};
 use crate::matching::problem::point_map::PointMaps;
+use crate::matching::problem::which::Which;
 use crate::matching::search::settings::CANDIDATE;
 use crate::shape::gradients::orientation;
 

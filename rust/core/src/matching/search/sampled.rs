@@ -6,8 +6,8 @@ use std::sync::Arc;
 use faer::Mat;
 
 use crate::algebra::dense::{self, LANES, squared_distance, vectorised};
-use crate::matching::problem::constraints::Which;
 use crate::matching::problem::pair::{Pair, Part};
+use crate::matching::problem::which::Which;
 use crate::matching::search::settings::SAMPLED;
 use crate::shape::gradients::TangentGradients;
 use crate::shape::settings::GRADIENTS;

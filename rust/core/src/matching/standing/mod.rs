@@ -200,7 +200,7 @@ fn registered(
     };
     let landmarks = pair.constraints.landmarks.iter();
     let known: Vec<(u32, Point)> = landmarks
-        .map(|&(s, t)| (t, source.places[s as usize]))
+        .map(|l| (l.target.0, source.places[l.source.index()]))
         .collect();
     let registered = registration::registered(moving, held, still, &known, &settings, check)?;
     Ok((registered, source))
@@ -308,7 +308,9 @@ mod tests {
 
     use super::*;
     use crate::matching::problem::constraints::Constraints;
+    use crate::matching::problem::landmark::Landmark;
     use crate::matching::problem::pair::Coverage;
+    use crate::mesh::numbering::WorkingVertex;
     use crate::testing::{AROUND, RINGS, pair, torus};
 
     /// The same vertices moved outward by so much, then by a map.
@@ -376,7 +378,7 @@ mod tests {
         let samples = [&target, &source].map(|shape| shape.drawn_vertices(STANDING.samples));
         let samples = [samples[0].as_slice(), &samples[1]];
         let [from, to] = [0, (RINGS / 7 * AROUND) as u32];
-        let apart = |landmarks: Vec<(u32, u32)>| {
+        let apart = |landmarks: Vec<Landmark<WorkingVertex>>| {
             let progress = Progress::default();
             let known = Constraints::new(&source, &target, landmarks, false, &progress);
             let known = known.expect("not cancelled");
@@ -386,7 +388,11 @@ mod tests {
             let (registered, onto) = found.expect("regular");
             vector::distance(registered.places[from as usize], onto.places[to as usize])
         };
-        let (free, held) = (apart(Vec::new()), apart(vec![(to, from)]));
+        let known = Landmark {
+            source: WorkingVertex(to),
+            target: WorkingVertex(from),
+        };
+        let (free, held) = (apart(Vec::new()), apart(vec![known]));
         assert!(held < 0.1 * free, "{held} of {free}");
     }
 

@@ -5,7 +5,7 @@ use faer::{Mat, MatRef};
 use super::state::Refined;
 use crate::algebra::dense::{self, Rows};
 use crate::error::{Result, System};
-use crate::matching::problem::constraints::Which;
+use crate::matching::problem::which::Which;
 use crate::matching::refinement::settings::FITS;
 use crate::matching::refinement::side::Side;
 use crate::watch::progress::Check;

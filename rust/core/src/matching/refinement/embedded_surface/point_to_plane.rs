@@ -14,6 +14,7 @@ use crate::matching::refinement::propagation::Images;
 use crate::matching::refinement::regions;
 use crate::matching::refinement::settings::{EMBEDDING, POINT_TO_PLANE, RIGID_STEPS};
 use crate::matching::refinement::side::Surface;
+use crate::mesh::numbering::WorkingVertex;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::shape::pointwise_map::{EmbeddedTriangles, projected};
 use crate::watch::progress::Check;
@@ -130,7 +131,7 @@ impl Refined<'_> {
             let triangles = EmbeddedTriangles::new(still, &self.still.rows);
             projected(&triangles, &self.moving.rows, images, check)
         } else {
-            let at_vertex = |&image: &u32| still.point_at(image);
+            let at_vertex = |&image: &u32| still.point_at(WorkingVertex(image));
             Ok(images.par_iter().map(at_vertex).collect())
         }
     }

@@ -3,8 +3,8 @@
 use faer::Mat;
 
 use crate::algebra::vector::{self, Point};
-use crate::matching::problem::constraints::Which;
 use crate::matching::problem::point_map::PointMaps;
+use crate::matching::problem::which::Which;
 use crate::matching::refinement::side::Side;
 
 /// Where a refinement stands.
