@@ -8,6 +8,7 @@ use faer::linalg::solvers::Solve;
 use faer::traits::ComplexField;
 use faer::{Accum, Mat, MatMut, MatRef, Par, Side};
 
+use crate::algebra::numbering::Number;
 use crate::error::{Error, Result, System};
 
 /// Products, factors, solves and decompositions of the library, after which the processor is told that the upper parts
@@ -84,12 +85,12 @@ pub fn solve_with_ridge(
 
 /// Rows of a matrix in the order of `ids`, first `columns` columns.
 #[must_use]
-pub fn gather_rows(matrix: MatRef<'_, f64>, ids: &[u32], columns: usize) -> Mat<f64> {
+pub fn gather_rows(matrix: MatRef<'_, f64>, ids: &[impl Number], columns: usize) -> Mat<f64> {
     let mut rows = Mat::zeros(ids.len(), columns);
     for j in 0..columns {
         let column = matrix.col(j);
         for (x, &id) in rows.col_as_slice_mut(j).iter_mut().zip(ids) {
-            *x = column[id as usize];
+            *x = column[id.index()];
         }
     }
     rows

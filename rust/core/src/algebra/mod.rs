@@ -5,7 +5,7 @@
 pub mod closest;
 pub mod conjugate_gradients;
 pub mod dense;
-pub(crate) mod numbering;
+pub mod numbering;
 pub mod oriented_tree;
 pub(crate) mod packed;
 pub mod similarity;

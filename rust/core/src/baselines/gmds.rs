@@ -16,7 +16,7 @@ use crate::algebra::dense::Rows;
 use crate::baselines::settings::GMDS;
 use crate::error::Result;
 use crate::geodesics::{Seed, Workspace};
-use crate::mesh::numbering::WorkingVertex;
+use crate::mesh::numbering::{Sample, WorkingVertex};
 use crate::mesh::surface_point::SurfacePoint;
 use crate::shape::Shape;
 use crate::shape::nearest::nearest;
@@ -68,20 +68,19 @@ pub fn embedded(source: &Shape, target: &Shape, progress: &Progress) -> Result<E
 /// Vertices of the source for the target's first samples: partial placements on the source's
 /// samples grow by one sample at a time, the least stressed are kept, and of the complete ones
 /// the best that differ are returned.
-fn starts(source: &Shape, target: &Shape, count: usize) -> Vec<Vec<u32>> {
+fn starts(source: &Shape, target: &Shape, count: usize) -> Vec<Vec<WorkingVertex>> {
     let (on_target, on_source) = (target.between_marched(), source.between_marched());
     let candidates = on_source.nrows() as u32;
-    let mut partial: Vec<(f32, Vec<u32>)> = (0..candidates).map(|c| (0.0, vec![c])).collect();
+    let sites = (0..candidates).map(Sample);
+    let mut partial: Vec<(f32, Vec<Sample>)> = sites.clone().map(|c| (0.0, vec![c])).collect();
     for i in 1..count {
-        let mut grown: Vec<(f32, usize, u32)> = Vec::new();
+        let mut grown: Vec<(f32, usize, Sample)> = Vec::new();
         for (parent, (stress, placed)) in partial.iter().enumerate() {
-            for c in 0..candidates {
+            for c in sites.clone() {
                 let change: f32 = placed
                     .iter()
                     .enumerate()
-                    .map(|(j, &p)| {
-                        (on_target[(i, j)] - on_source[(c as usize, p as usize)]).powi(2)
-                    })
+                    .map(|(j, &p)| (on_target[(i, j)] - on_source[(c.index(), p.index())]).powi(2))
                     .sum();
                 grown.push((stress + change, parent, c));
             }
@@ -97,13 +96,13 @@ fn starts(source: &Shape, target: &Shape, count: usize) -> Vec<Vec<u32>> {
             })
             .collect();
     }
-    let mut chosen: Vec<Vec<u32>> = Vec::new();
+    let mut chosen: Vec<Vec<Sample>> = Vec::new();
     for (_, placed) in partial {
-        let apart = |other: &Vec<u32>| {
+        let apart = |other: &Vec<Sample>| {
             let sum: f32 = placed
                 .iter()
                 .zip(other)
-                .map(|(&a, &b)| on_source[(a as usize, b as usize)])
+                .map(|(&a, &b)| on_source[(a.index(), b.index())])
                 .sum();
             f64::from(sum) / count as f64
         };
@@ -114,12 +113,9 @@ fn starts(source: &Shape, target: &Shape, count: usize) -> Vec<Vec<u32>> {
             break;
         }
     }
-    for placed in &mut chosen {
-        for p in placed {
-            *p = source.marched()[*p as usize];
-        }
-    }
-    chosen
+    let vertex = |p: Sample| WorkingVertex(source.marched()[p.index()]);
+    let vertices = |placed: Vec<Sample>| placed.into_iter().map(vertex).collect();
+    chosen.into_iter().map(vertices).collect()
 }
 
 /// The target's first samples placed on the source.
@@ -136,7 +132,7 @@ struct Placement<'a> {
 }
 
 impl<'a> Placement<'a> {
-    fn new(source: &'a Shape, target: &Shape, vertices: &[u32]) -> Self {
+    fn new(source: &'a Shape, target: &Shape, vertices: &[WorkingVertex]) -> Self {
         let mut placement = Self {
             source,
             wanted: target.between_marched(),
@@ -147,7 +143,7 @@ impl<'a> Placement<'a> {
             converged: false,
         };
         for (i, &v) in vertices.iter().enumerate() {
-            placement.points.push(source.point_at(WorkingVertex(v)));
+            placement.points.push(source.point_at(v));
             placement.march(i);
         }
         placement

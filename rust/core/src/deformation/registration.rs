@@ -17,6 +17,7 @@ use crate::algebra::vector::{self, Point};
 use crate::deformation::piecewise_affine::{DeformationGraph, PiecewiseAffine, Pull};
 use crate::error::Result;
 use crate::mesh::normals_of;
+use crate::mesh::numbering::Sample;
 use crate::watch::progress::Check;
 
 /// How a surface is drawn onto another.
@@ -124,28 +125,28 @@ impl Registered {
 
 /// For each sample of both surfaces the number of the nearest of the other, in positions and normals of this weight.
 #[must_use]
-pub fn nearest_samples(own: Sampled<'_>, other: Sampled<'_>, normal: f64) -> [Vec<u32>; 2] {
+pub fn nearest_samples(own: Sampled<'_>, other: Sampled<'_>, normal: f64) -> [Vec<Sample>; 2] {
     let (own, other) = (own.features(normal), other.features(normal));
     let (asked, answered) = rayon::join(
-        || closest(own.as_ref(), other.as_ref(), None, 1.0),
-        || closest(other.as_ref(), own.as_ref(), None, 1.0),
+        || Sample::each(closest(own.as_ref(), other.as_ref(), None, 1.0)),
+        || Sample::each(closest(other.as_ref(), own.as_ref(), None, 1.0)),
     );
     [asked, answered]
 }
 
 /// For each sample of a surface the number of the nearest of another, in positions and normals of this weight.
-fn nearest_of(own: Sampled<'_>, other: Sampled<'_>, normal: f64) -> Vec<u32> {
+fn nearest_of(own: Sampled<'_>, other: Sampled<'_>, normal: f64) -> Vec<Sample> {
     let (own, other) = (own.features(normal), other.features(normal));
-    closest(own.as_ref(), other.as_ref(), None, 1.0)
+    Sample::each(closest(own.as_ref(), other.as_ref(), None, 1.0))
 }
 
 /// Mean distance between the samples of both surfaces and the nearest of the other, in positions and normals of this weight.
 #[must_use]
 pub fn misfit(own: Sampled<'_>, other: Sampled<'_>, normal: f64) -> f64 {
     let [asked, answered] = nearest_samples(own, other, normal);
-    let mean = |from: Sampled<'_>, to: Sampled<'_>, images: &[u32]| {
+    let mean = |from: Sampled<'_>, to: Sampled<'_>, images: &[Sample]| {
         let distances = from.samples.iter().zip(images).map(|(&v, &image)| {
-            let (v, image) = (v as usize, to.samples[image as usize] as usize);
+            let (v, image) = (v as usize, to.samples[image.index()] as usize);
             let apart = vector::distance(from.places[v], to.places[image]);
             let turned = normal * vector::distance(from.normals[v], to.normals[image]);
             apart.hypot(turned)
@@ -183,9 +184,9 @@ fn pulls(own: Sampled<'_>, still: Sampled<'_>, weight: f64, settings: &Settings)
     let share = |count: usize| half * weight / count as f64;
     let shares = [own.samples.len(), still.samples.len()].map(share);
     let asked = own.samples.iter().zip(&asked);
-    let asked = asked.map(|(&v, &image)| (v, still.samples[image as usize], shares[0]));
+    let asked = asked.map(|(&v, &image)| (v, still.samples[image.index()], shares[0]));
     let answered = still.samples.iter().zip(&answered);
-    let answered = answered.map(|(&image, &v)| (own.samples[v as usize], image, shares[1]));
+    let answered = answered.map(|(&image, &v)| (own.samples[v.index()], image, shares[1]));
     let mut pulls: Vec<Pull> = vec![([[0.0; 3]; 3], [0.0; 3]); own.places.len()];
     for (v, image, share) in asked.chain(answered) {
         let (v, image) = (v as usize, image as usize);

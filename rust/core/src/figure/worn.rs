@@ -82,12 +82,11 @@ pub(super) fn between_matched(
     let trust: Vec<f64> = found.iter().map(|&(_, gap)| trust(gap)).collect();
     let points = found.into_iter().map(|(point, _)| point).collect();
     let (own, other) = (carried(&target.mesh), places(&source.mesh));
-    let images = SpaceTree::new(&other).nearest_to_each(&own);
-    let back = SpaceTree::new(&own).nearest_to_each(&other);
-    let maps = PointMaps {
-        target_to_source: &images,
-        source_to_target: &back,
+    let images = PointMaps {
+        target_to_source: SpaceTree::new(&other).nearest_to_each(&own),
+        source_to_target: SpaceTree::new(&own).nearest_to_each(&other),
     };
+    let maps = images.as_slices();
     Correspondence::of_points(source, target, points, &trust, maps, progress)
 }
 

@@ -205,7 +205,7 @@ fn refined<'a>(
     let state = embedded_surface::refined(
         &pair,
         hypothesis.matrix.as_ref(),
-        Some(&hypothesis.images),
+        Some(hypothesis.images.as_slices()),
         schedule,
         &|f| report("refinement", 0.9 * f),
     )?;

@@ -60,27 +60,25 @@ pub(super) fn embedded(
     report("dense map", 0.5)?;
     let check = || progress.check();
     let (of_target, of_source) = (&embedding.target, &embedding.source);
-    let on_source = source.cells.nearest(of_target, of_source, &check)?;
-    let on_target = target.cells.nearest(of_source, of_target, &check)?;
+    let images = PointMaps {
+        target_to_source: source.cells.nearest(of_target, of_source, &check)?,
+        source_to_target: target.cells.nearest(of_source, of_target, &check)?,
+    };
     let map = PointMap {
         from: target,
         to: source,
-        images: &on_source,
+        images: &images.target_to_source,
     };
     // No surface is deformed, so that there is no gap.
     let misfit: Vec<(f64, f64)> = local_distortion(map, 1.0, progress)?
         .into_iter()
         .map(|distortion| (distortion, 0.0))
         .collect();
-    let maps = PointMaps {
-        target_to_source: &on_source,
-        source_to_target: &on_target,
-    };
     let mut found = dense_map(
         source,
         target,
         [&embedding.source, &embedding.target],
-        maps,
+        images.as_slices(),
         &misfit,
         (&[], false),
         progress,

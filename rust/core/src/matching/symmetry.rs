@@ -14,6 +14,7 @@ use crate::matching::problem::pair::{Coverage, LeftOut, Mirror, Pair};
 use crate::matching::refinement::upsampling;
 use crate::matching::search::{self, Width};
 use crate::matching::settings::SYMMETRY;
+use crate::mesh::numbering::Sample;
 use crate::shape::Shape;
 use crate::shape::nearest::nearest;
 use crate::watch::progress::Progress;
@@ -30,10 +31,10 @@ pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f
     let samples = &shape.farthest;
     let basis = dense::gather_rows(shape.basis.functions.as_ref(), samples, k);
     let turned = dense::product(basis.as_ref(), map.as_ref());
-    let images = nearest(
+    let images = Sample::each(nearest(
         &Rows::from_matrix(basis.as_ref(), k),
         &Rows::from_matrix(turned.as_ref(), k),
-    );
+    ));
     let mut distances = shape.spectral_distances(samples, samples);
     for i in 0..samples.len() {
         distances[(i, i)] = 0.0;
@@ -42,7 +43,7 @@ pub fn mirror_offsets(shape: &Shape, progress: &Progress) -> Result<Option<Vec<f
         return Ok(None);
     }
     // The offsets of the samples, as a smooth function everywhere.
-    let offsets = Mat::from_fn(samples.len(), 1, |i, _| distances[(i, images[i] as usize)]);
+    let offsets = Mat::from_fn(samples.len(), 1, |i, _| distances[(i, images[i].index())]);
     let gram = dense::product(basis.transpose(), basis.as_ref());
     let right = dense::product(basis.transpose(), offsets.as_ref());
     let ridge = SYMMETRY.ridge * samples.len() as f64;
@@ -96,13 +97,13 @@ fn to_itself(
 }
 
 /// Whether images of points among themselves keep distances and are their own inverse.
-fn is_symmetry(images: &[u32], distances: &Mat<f64>, orientation: f64) -> bool {
+fn is_symmetry(images: &[Sample], distances: &Mat<f64>, orientation: f64) -> bool {
     let count = images.len();
     let (mut change, mut back) = (0.0, 0.0);
     for (j, &image) in images.iter().enumerate() {
-        back += distances[(j, images[image as usize] as usize)];
+        back += distances[(j, images[image.index()].index())];
         for (i, &other) in images.iter().enumerate() {
-            change += (distances[(i, j)] - distances[(other as usize, image as usize)]).abs();
+            change += (distances[(i, j)] - distances[(other.index(), image.index())]).abs();
         }
     }
     change /= (count * count) as f64;

@@ -24,6 +24,7 @@ use crate::deformation::registration::{self, Held, Sampled};
 use crate::error::Result;
 use crate::matching::partial::settings::LOCATION;
 use crate::matching::problem::pair::{Coverage, Pair};
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::problem::which::Which;
 use crate::matching::ranking::Metrics;
 use crate::matching::refinement::coinciding::Placed;
@@ -183,8 +184,14 @@ fn drawn(
         moving: part_is,
         places,
         images: match part_is {
-            Which::Target => [images, back],
-            Which::Source => [back, images],
+            Which::Target => PointMaps {
+                target_to_source: images,
+                source_to_target: back,
+            },
+            Which::Source => PointMaps {
+                target_to_source: back,
+                source_to_target: images,
+            },
         },
         coverage: Coverage::of_part(part_is),
     });
@@ -515,7 +522,10 @@ mod tests {
             }
         }
         assert_eq!(found[0].placed.places, found[1].placed.places);
-        assert_eq!(found[0].placed.images[0], found[1].placed.images[1]);
+        assert_eq!(
+            found[0].placed.images.target_to_source,
+            found[1].placed.images.source_to_target
+        );
     }
 
     #[test]

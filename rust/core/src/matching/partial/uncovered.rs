@@ -15,12 +15,11 @@ pub(in crate::matching) fn begins_at_boundary(
     if !pair.uses(Part::Uncovered) {
         return true;
     }
-    let [of_target, of_source] = &map.images;
-    let images = match part_is {
-        Which::Target => of_target,
-        Which::Source => of_source,
-    };
-    let (all, elsewhere) = uncovered(pair.shape(part_is), pair.shape(part_is.other()), images);
+    let (all, elsewhere) = uncovered(
+        pair.shape(part_is),
+        pair.shape(part_is.other()),
+        map.images.of(part_is),
+    );
     elsewhere <= UNCOVERED.elsewhere_at_most.0 + UNCOVERED.elsewhere_at_most.1 * all
 }
 

@@ -1,5 +1,6 @@
 //! Vertex maps with the shapes between which they lead, so that neither can be taken for the other.
 
+use crate::matching::problem::which::Which;
 use crate::shape::Shape;
 
 /// A map from the vertices of one shape, or some of them, to vertices of the other.
@@ -29,11 +30,41 @@ impl<'a> PointMap<'a> {
     }
 }
 
-/// The point maps of a pair, both ways, in whatever numbering asks: all vertices, samples.
-#[derive(Debug, Clone, Copy)]
-pub struct PointMaps<'a> {
+/// The point maps of a pair, both ways: lists of images, for all vertices or for samples.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct PointMaps<Images> {
     /// Points of the source for those of the target.
-    pub target_to_source: &'a [u32],
+    pub target_to_source: Images,
     /// Points of the target for those of the source.
-    pub source_to_target: &'a [u32],
+    pub source_to_target: Images,
+}
+
+impl<Images> PointMaps<Images> {
+    /// Images of the points of either shape.
+    pub fn of(&self, which: Which) -> &Images {
+        match which {
+            Which::Target => &self.target_to_source,
+            Which::Source => &self.source_to_target,
+        }
+    }
+
+    /// Those of the inverse map.
+    #[must_use]
+    pub fn inverse(self) -> Self {
+        Self {
+            target_to_source: self.source_to_target,
+            source_to_target: self.target_to_source,
+        }
+    }
+}
+
+impl<Point> PointMaps<Vec<Point>> {
+    /// The same lists, borrowed.
+    #[must_use]
+    pub fn as_slices(&self) -> PointMaps<&[Point]> {
+        PointMaps {
+            target_to_source: &self.target_to_source,
+            source_to_target: &self.source_to_target,
+        }
+    }
 }

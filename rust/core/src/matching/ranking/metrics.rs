@@ -8,6 +8,7 @@ use crate::matching::problem::pair::{Coverage, Pair, Part};
 use crate::matching::problem::point_map::{PointMap, PointMaps};
 use crate::matching::ranking::settings::METRICS;
 use crate::matching::refinement::embedded_surface::Refined;
+use crate::matching::refinement::side::Side;
 use crate::mesh::boundary;
 use crate::shape::Shape;
 use crate::shape::descriptors::{DETAIL_CURVATURES, Descriptors, HEAT_TIMES};
@@ -71,7 +72,11 @@ impl Metrics {
 }
 
 /// Orientation of a map over the judging samples of the target, or of a source that is a part, and their images.
-pub(super) fn orientation_of(pair: &Pair<'_>, matrix: MatRef<'_, f64>, maps: PointMaps<'_>) -> f64 {
+pub(super) fn orientation_of(
+    pair: &Pair<'_>,
+    matrix: MatRef<'_, f64>,
+    maps: PointMaps<&[u32]>,
+) -> f64 {
     if !pair.uses(Part::Orientation) {
         return 1.0;
     }
@@ -106,18 +111,21 @@ pub(super) fn orientation_of(pair: &Pair<'_>, matrix: MatRef<'_, f64>, maps: Poi
     )
 }
 
-/// Source vertices of the target's farthest-point samples, and target vertices of the source's: drawn vertices that
-/// ask begin with the samples.
+/// Vertices that are the images of both shapes' farthest-point samples: drawn vertices that ask begin with the samples.
 #[must_use]
-pub fn sampled_images(map: &Refined<'_>) -> [Vec<u32>; 2] {
-    [map.target(), map.source()].map(|side| {
+pub fn sampled_images(map: &Refined<'_>) -> PointMaps<Vec<u32>> {
+    let of_samples = |side: &Side<'_>| {
         let (samples, images) = (&side.shape.farthest, &side.images.vertex);
         if side.asking.starts_with(samples) {
             images[..samples.len()].to_vec()
         } else {
             samples.iter().map(|&v| images[v as usize]).collect()
         }
-    })
+    };
+    PointMaps {
+        target_to_source: of_samples(map.target()),
+        source_to_target: of_samples(map.source()),
+    }
 }
 
 /// Of the images of all samples those of the samples on which maps are judged.
@@ -133,24 +141,23 @@ pub fn judging(shape: &Shape) -> &[u32] {
 
 /// Orientation and local distortion of a map, given the images of both shapes' farthest-point samples.
 #[must_use]
-pub fn metrics(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &[Vec<u32>; 2]) -> Metrics {
+pub fn metrics(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &PointMaps<Vec<u32>>) -> Metrics {
     let (target, source) = (pair.target, pair.source);
-    let [on_source, on_target] = images.each_ref().map(|images| of_judged(images));
+    let maps = PointMaps {
+        target_to_source: of_judged(&images.target_to_source),
+        source_to_target: of_judged(&images.source_to_target),
+    };
     // In the unit of the shape that asks, so that a part gains nothing by being taken for a smaller one.
     let change = |a: &Shape, unit: f64, b: &Shape, images: &[u32]| {
         let there = Scale(1.0 / unit) * b.spectral_distances(images, images);
         mean_change(&a.between_judged, &there, METRICS.local)
     };
-    let maps = PointMaps {
-        target_to_source: on_source,
-        source_to_target: on_target,
-    };
     let (orientation, (here, there)) = rayon::join(
         || orientation_of(pair, matrix, maps),
         || {
             rayon::join(
-                || change(target, pair.lengths, source, on_source),
-                || change(source, 1.0 / pair.lengths, target, on_target),
+                || change(target, pair.lengths, source, maps.target_to_source),
+                || change(source, 1.0 / pair.lengths, target, maps.source_to_target),
             )
         },
     );
@@ -169,7 +176,7 @@ pub fn metrics(pair: &Pair<'_>, matrix: MatRef<'_, f64>, images: &[Vec<u32>; 2])
 
 /// How well the curvatures of both shapes [agree](Metrics::agreement), given the images of their farthest-point samples.
 #[must_use]
-pub fn agreement(pair: &Pair<'_>, images: &[Vec<u32>; 2]) -> f64 {
+pub fn agreement(pair: &Pair<'_>, images: &PointMaps<Vec<u32>>) -> f64 {
     correlation(pair, images, |looks| {
         looks.detail.subcols(0, DETAIL_CURVATURES)
     })
@@ -180,7 +187,7 @@ pub fn agreement(pair: &Pair<'_>, images: &[Vec<u32>; 2]) -> f64 {
 /// or its image looks like.
 fn correlation(
     pair: &Pair<'_>,
-    images: &[Vec<u32>; 2],
+    images: &PointMaps<Vec<u32>>,
     looks: impl Fn(&Descriptors) -> MatRef<'_, f32>,
 ) -> f64 {
     let one_way = |map: PointMap<'_>| {
@@ -207,10 +214,9 @@ fn correlation(
         let scales = 0..own.ncols();
         scales.map(correlated).sum::<f64>() / own.ncols() as f64
     };
-    let [on_source, on_target] = images;
     pair.coverage.mean(
-        one_way(pair.to_target(on_target)),
-        one_way(pair.to_source(on_source)),
+        one_way(pair.to_target(&images.source_to_target)),
+        one_way(pair.to_source(&images.target_to_source)),
     )
 }
 
@@ -260,7 +266,10 @@ mod tests {
         let around = AROUND as u32;
         let turned = |&v: &u32| v / around * around + (v % around + half) % around;
         let agreements = |images: Vec<u32>| {
-            let images = [images.clone(), images];
+            let images = PointMaps {
+                target_to_source: images.clone(),
+                source_to_target: images,
+            };
             let extrinsic = correlation(&pair, &images, |looks| looks.extrinsic.as_ref());
             [agreement(&pair, &images), extrinsic]
         };
@@ -280,7 +289,11 @@ mod tests {
             (torus(RINGS), torus(RINGS / 2), Constraints::default());
         let agreement_with_itself = |shape: &Shape| {
             let pair = pair(&whole, shape, Coverage::TARGET_IS_PART, &constraints);
-            agreement(&pair, &[shape.farthest.clone(), whole.farthest.clone()])
+            let images = PointMaps {
+                target_to_source: shape.farthest.clone(),
+                source_to_target: whole.farthest.clone(),
+            };
+            agreement(&pair, &images)
         };
         let counted = agreement_with_itself(&part);
         part.rim_nearness.fill(0.0);

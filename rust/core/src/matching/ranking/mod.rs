@@ -19,7 +19,7 @@ use crate::error::Result;
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::landmark::Landmark;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair};
-use crate::matching::problem::point_map::PointMap;
+use crate::matching::problem::point_map::{PointMap, PointMaps};
 use crate::matching::ranking::settings::{RANKING, SHORTLIST};
 use crate::matching::refinement::coinciding::Placed;
 use crate::matching::refinement::embedded_surface::{self, Refined};
@@ -49,8 +49,8 @@ pub struct Hypothesis {
     pub placed: Option<Arc<Placed>>,
     /// How many units of length of the source one of the target is, where that is known, else 1.
     pub lengths: f64,
-    /// Source vertices of the target's farthest-point samples, and target vertices of the source's.
-    pub images: [Vec<u32>; 2],
+    /// Vertices that are the images of the farthest-point samples of either shape.
+    pub images: PointMaps<Vec<u32>>,
 }
 
 impl Hypothesis {
@@ -75,7 +75,7 @@ impl Hypothesis {
     /// Source vertices of the samples on which maps are judged.
     #[must_use]
     pub fn judged_images(&self) -> &[u32] {
-        of_judged(&self.images[0])
+        of_judged(&self.images.target_to_source)
     }
 }
 
@@ -122,7 +122,8 @@ fn judged(
     )?;
     let images = sampled_images(&state);
     let mut metrics = metrics(pair, voter.matrix.as_ref(), &images);
-    metrics.contradiction = voter.contradiction + off_symmetry(pair, of_judged(&images[0]));
+    metrics.contradiction =
+        voter.contradiction + off_symmetry(pair, of_judged(&images.target_to_source));
     Ok(Hypothesis {
         matrix: state.low_map(RANKING.refined_size)?,
         metrics,
@@ -178,7 +179,7 @@ pub fn of_part(
             let state =
                 embedded_surface::refined(&unguided, first.as_ref(), None, schedule, &|_| check())?;
             let images = sampled_images(&state);
-            let on_source = of_judged(&images[0]);
+            let on_source = of_judged(&images.target_to_source);
             let matrix = state.low_map(UPSAMPLING.upsampled_size)?;
             let mut metrics = metrics(pair, matrix.as_ref(), &images);
             let of_landmarks = landmark_images(pair, &state.source().rows, &state.target().rows);
@@ -211,7 +212,8 @@ pub fn of_placed(pair: &Pair<'_>, found: &Refined<'_>, placed: Arc<Placed>) -> R
     let asking = found.target();
     let matrix = found.low_map(UPSAMPLING.upsampled_size)?;
     let images = sampled_images(found);
-    let [on_source, on_target] = images.each_ref().map(|images| of_judged(images));
+    let on_source = of_judged(&images.target_to_source);
+    let on_target = of_judged(&images.source_to_target);
     let mut metrics = metrics(pair, matrix.as_ref(), &images);
     // Spectra of a part and of the whole say little of which side is up; here normals do.
     metrics.orientation = pair
@@ -344,7 +346,10 @@ mod tests {
                 coverage: Coverage::BOTH,
                 placed: None,
                 lengths: 1.0,
-                images: [images.clone(), images],
+                images: PointMaps {
+                    target_to_source: images.clone(),
+                    source_to_target: images,
+                },
             }
         };
         let mut both = [found(0.65, 0.4, AROUND as u32 / 2), found(0.7, 0.2, 0)];

@@ -128,7 +128,7 @@ fn score(pair: &Pair<'_>, matrix: Mat<f64>, energy: f64, check: Check<'_>) -> Re
         1.0
     };
     let maps = PointMaps {
-        target_to_source: &images,
+        target_to_source: images.as_slice(),
         source_to_target: &back,
     };
     let o = orientation_of(pair, matrix.as_ref(), maps);

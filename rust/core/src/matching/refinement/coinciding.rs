@@ -6,6 +6,7 @@ use crate::algebra::space_tree::SpaceTree;
 use crate::algebra::vector::{self, Point};
 use crate::error::Result;
 use crate::matching::problem::pair::Coverage;
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::problem::which::Which;
 use crate::matching::refinement::settings::COINCIDENCE;
 use crate::shape::Shape;
@@ -18,8 +19,8 @@ pub struct Placed {
     pub moving: Which,
     /// Its vertices there.
     pub places: Vec<Point>,
-    /// Nearest source vertex of each target vertex, and nearest target vertex of each source vertex.
-    pub images: [Vec<u32>; 2],
+    /// Nearest vertex of the other surface for each vertex of either.
+    pub images: PointMaps<Vec<u32>>,
     /// Which of them lies on the other.
     pub coverage: Coverage,
 }
@@ -67,10 +68,10 @@ pub fn coinciding(source: &Shape, target: &Shape, check: Check<'_>) -> Result<Op
         (false, false) => return Ok(None),
     };
     check()?;
-    let images = [
-        on_source.nearest_to_each(&placed),
-        on_target.nearest_to_each(there),
-    ];
+    let images = PointMaps {
+        target_to_source: on_source.nearest_to_each(&placed),
+        source_to_target: on_target.nearest_to_each(there),
+    };
     drop((on_target, on_source));
     Ok(Some(Placed {
         moving: Which::Target,

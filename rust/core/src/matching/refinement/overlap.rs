@@ -11,6 +11,7 @@ use crate::geodesics::{Seed, Workspace};
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::landmark::Landmark;
 use crate::matching::problem::pair::{Coverage, Pair};
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::problem::which::Which;
 use crate::matching::refinement::embedded_surface::{self, FULL, Refined};
 use crate::matching::refinement::piece::Piece;
@@ -44,9 +45,13 @@ pub fn refined_on_covered<'a>(
         |from: &[u32], ids: &[u32]| -> Vec<u32> { ids.iter().map(|&v| from[v as usize]).collect() };
     let on_part = taken(&whole.images.vertex, &piece.vertices);
     let on_piece = taken(&piece.nearest, &part.images.vertex);
+    let by_part = PointMaps {
+        target_to_source: on_piece,
+        source_to_target: on_part,
+    };
     let (source, target, images) = match part_is {
-        Which::Target => (&piece.shape, pair.target, [on_piece, on_part]),
-        Which::Source => (pair.source, &piece.shape, [on_part, on_piece]),
+        Which::Target => (&piece.shape, pair.target, by_part),
+        Which::Source => (pair.source, &piece.shape, by_part.inverse()),
     };
     let constraints = piece.constraints(pair.constraints, part_is, (source, target), progress)?;
     let of_piece = Pair {
@@ -254,19 +259,23 @@ mod tests {
         let (part, whole, [on_whole, on_part]) = part_and_whole();
         let constraints = Constraints::default();
         for part_asks in [true, false] {
-            let (target, source, coverage) = if part_asks {
-                (&part, &whole, Coverage::TARGET_IS_PART)
+            let (source, target, coverage) = if part_asks {
+                (&whole, &part, Coverage::TARGET_IS_PART)
             } else {
-                (&whole, &part, Coverage::SOURCE_IS_PART)
+                (&part, &whole, Coverage::SOURCE_IS_PART)
             };
             let pair = Pair {
                 lengths: target.unit / source.unit,
                 ..testing::pair(source, target, coverage, &constraints)
             };
+            let by_part = PointMaps {
+                target_to_source: on_whole.clone(),
+                source_to_target: on_part.clone(),
+            };
             let truth = if part_asks {
-                [on_whole.clone(), on_part.clone()]
+                by_part
             } else {
-                [on_part.clone(), on_whole.clone()]
+                by_part.inverse()
             };
             let start = Refined::by_images(&pair, Which::Target, truth);
             let found = refined_on_covered(&pair, &start, &Progress::default(), &|_| Ok(()))

@@ -12,7 +12,7 @@ use crate::matching::refinement::settings::RELATIVE_LENGTH;
 ///
 /// The images are those of every vertex.
 #[must_use]
-pub fn relative_length(pair: &Pair<'_>, maps: PointMaps<'_>) -> f64 {
+pub fn relative_length(pair: &Pair<'_>, maps: PointMaps<&[u32]>) -> f64 {
     let by_target = || median_growth(pair.to_source(maps.target_to_source));
     let by_source = || 1.0 / median_growth(pair.to_target(maps.source_to_target));
     let (target_is_open, source_is_open) = (pair.target.mesh.is_open(), pair.source.mesh.is_open());
@@ -89,10 +89,10 @@ mod tests {
                 .collect()
         };
         let maps = PointMaps {
-            target_to_source: &images(target, source),
-            source_to_target: &images(source, target),
+            target_to_source: images(target, source),
+            source_to_target: images(source, target),
         };
-        relative_length(&pair, maps)
+        relative_length(&pair, maps.as_slices())
     }
 
     #[test]

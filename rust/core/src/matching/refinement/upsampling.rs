@@ -12,6 +12,7 @@ use crate::matching::problem::pair::Pair;
 use crate::matching::problem::point_map::PointMaps;
 use crate::matching::refinement::settings::UPSAMPLING;
 use crate::matching::search::{Candidate, SampledBases, fit, gram};
+use crate::mesh::numbering::Sample;
 use crate::shape::Shape;
 
 /// `(kₛ, kₜ)` map of up to `UPSAMPLING.upsampled_size` eigenfunctions grown from a candidate, by nearest
@@ -49,8 +50,8 @@ pub fn upsampled(pair: &Pair<'_>, candidate: &Candidate) -> Result<Mat<f64>> {
         let answers = dense::in_single(turned.as_ref());
         let answers = answers.as_ref();
         let (on_answers, on_asked) = rayon::join(
-            || closest(asked, answers, None, 1.0),
-            || closest(answers, asked, None, 1.0),
+            || Sample::each(closest(asked, answers, None, 1.0)),
+            || Sample::each(closest(answers, asked, None, 1.0)),
         );
         matrix = fit(
             bases,

@@ -79,7 +79,7 @@ impl Correspondence {
         target: &Shape,
         points: Vec<SurfacePoint>,
         trust: &[f64],
-        maps: PointMaps<'_>,
+        maps: PointMaps<&[u32]>,
         progress: &Progress,
     ) -> Result<Self> {
         let map = functional_map(source, target, maps, &|| progress.check())?;
@@ -135,7 +135,7 @@ pub(in crate::matching) fn dense_map(
     source: &Shape,
     target: &Shape,
     [source_rows, target_rows]: [&Rows; 2],
-    maps: PointMaps<'_>,
+    maps: PointMaps<&[u32]>,
     misfit: &[(f64, f64)],
     (landmarks, in_detail): (&[Landmark<WorkingVertex>], bool),
     progress: &Progress,
@@ -246,7 +246,7 @@ fn located(
 fn functional_map(
     source: &Shape,
     target: &Shape,
-    maps: PointMaps<'_>,
+    maps: PointMaps<&[u32]>,
     check: Check<'_>,
 ) -> Result<Mat<f64>> {
     let k = |s: &Shape| CORRESPONDENCE.functional_map_size.min(s.basis.values.len());

@@ -10,6 +10,7 @@ use crate::matching::problem::pair::{Coverage, Mirror, Pair, Part};
 use crate::matching::problem::point_map::PointMaps;
 use crate::matching::problem::which::Which;
 use crate::matching::search::settings::CANDIDATE;
+use crate::mesh::numbering::Sample;
 use crate::shape::gradients::orientation;
 
 /// Eigenfunctions of the finished candidates.
@@ -20,10 +21,8 @@ pub const CANDIDATE_SIZE: usize = 24;
 pub struct Candidate {
     /// `(kₛ, kₜ)`: target coefficients → source coefficients, so that Φₛ C ≈ Φₜ at matched points.
     pub matrix: Mat<f64>,
-    /// Number of the source sample for each asking target sample.
-    pub on_source: Vec<u32>,
-    /// Number of the target sample for each asking source sample.
-    pub on_target: Vec<u32>,
+    /// Images of either shape's asking samples among the samples of the other.
+    pub images: PointMaps<Vec<Sample>>,
     /// Geodesic distortion times the root of the descriptor mismatch.
     pub energy: f64,
     /// Orientation score, negative for a mirrored map; 1 where there are too few eigenfunctions to tell.
@@ -33,21 +32,12 @@ pub struct Candidate {
 }
 
 impl Candidate {
-    /// Its point maps.
-    pub(super) fn maps(&self) -> PointMaps<'_> {
-        PointMaps {
-            target_to_source: &self.on_source,
-            source_to_target: &self.on_target,
-        }
-    }
-
     /// The inverse map.
     #[must_use]
     pub fn inverse(self) -> Self {
         Self {
             matrix: self.matrix.transpose().to_owned(),
-            on_source: self.on_target,
-            on_target: self.on_source,
+            images: self.images.inverse(),
             ..self
         }
     }
@@ -90,13 +80,13 @@ impl<'a> SampledPair<'a> {
             .min(self.side_target.basis.ncols())
     }
 
-    /// Point maps of a matrix: on the source and on the target.
-    pub(super) fn images(&self, matrix: MatRef<'_, f64>) -> (Vec<u32>, Vec<u32>) {
+    /// Point maps of a matrix.
+    pub(super) fn images(&self, matrix: MatRef<'_, f64>) -> PointMaps<Vec<Sample>> {
         let (ks, kt) = (matrix.nrows(), matrix.ncols());
         let target = self.side_target.single.get(.., ..kt);
         let turned = dense::product(self.side_source.basis.get(.., ..ks), matrix);
         let source = dense::in_single(turned.as_ref());
-        rayon::join(
+        let (on_source, on_target) = rayon::join(
             || {
                 closest(
                     target.get(..self.side_target.asking, ..),
@@ -113,17 +103,19 @@ impl<'a> SampledPair<'a> {
                     1.0 / kt as f32,
                 )
             },
-        )
+        );
+        PointMaps {
+            target_to_source: Sample::each(on_source),
+            source_to_target: Sample::each(on_target),
+        }
     }
 
     /// Point maps and energy of a matrix.
     pub(super) fn judged(&self, matrix: Mat<f64>) -> Candidate {
         let ks = matrix.nrows();
-        let (on_source, on_target) = self.images(matrix.as_ref());
-        let energy = self.energy(PointMaps {
-            target_to_source: &on_source,
-            source_to_target: &on_target,
-        });
+        let images = self.images(matrix.as_ref());
+        let on_source = &images.target_to_source;
+        let energy = self.energy(images.as_slices());
         let is_oriented = ks >= CANDIDATE.oriented_from.min(self.largest());
         let orientation = if self.pair.uses(Part::Orientation) && is_oriented {
             let pairs = on_source.iter().enumerate();
@@ -131,7 +123,7 @@ impl<'a> SampledPair<'a> {
                 &self.side_source.gradients,
                 &self.side_target.gradients,
                 matrix.as_ref(),
-                pairs.map(|(i, &j)| (i, j as usize)),
+                pairs.map(|(i, &j)| (i, j.index())),
                 CANDIDATE.orientation_functions,
             );
             self.wanted_sign() * measured
@@ -148,8 +140,7 @@ impl<'a> SampledPair<'a> {
                     } else {
                         0.0
                     }),
-            on_source,
-            on_target,
+            images,
             energy,
         }
     }
@@ -165,16 +156,16 @@ impl<'a> SampledPair<'a> {
 
     /// Fit at k from a candidate's point maps, with new point maps.
     pub(super) fn refitted(&self, candidate: &Candidate, k: usize) -> Result<Candidate> {
-        self.fitted(candidate.maps(), k)
+        self.fitted(candidate.images.as_slices(), k)
     }
 
     /// Fit at k from point maps, with new point maps.
-    pub(super) fn fitted(&self, maps: PointMaps<'_>, k: usize) -> Result<Candidate> {
+    pub(super) fn fitted(&self, maps: PointMaps<&[Sample]>, k: usize) -> Result<Candidate> {
         Ok(self.judged(self.fit(maps, k)?))
     }
 
     /// Fit at k from point maps.
-    pub(super) fn fit(&self, maps: PointMaps<'_>, k: usize) -> Result<Mat<f64>> {
+    pub(super) fn fit(&self, maps: PointMaps<&[Sample]>, k: usize) -> Result<Mat<f64>> {
         let bases = SampledBases {
             target: self.side_target.basis.as_ref(),
             source: self.side_source.basis.as_ref(),
@@ -185,7 +176,7 @@ impl<'a> SampledPair<'a> {
 
     /// Root mean square change of distances between samples, times the root of the mean
     /// descriptor mismatch.
-    fn energy(&self, maps: PointMaps<'_>) -> f64 {
+    fn energy(&self, maps: PointMaps<&[Sample]>) -> f64 {
         let distortion = self.pair.coverage.mean(
             self.side_target
                 .distortion(maps.source_to_target, &self.side_source),
@@ -206,22 +197,22 @@ impl<'a> SampledPair<'a> {
 
     /// Mean distance between points and their images, of a map of a shape to itself.
     pub(super) fn moves(&self, map: &Candidate) -> f64 {
-        let images = map.on_source.iter().enumerate();
-        let sum: f64 = images
-            .map(|(i, &j)| f64::from(self.side_source.distances[(i, j as usize)]))
+        let on_source = &map.images.target_to_source;
+        let distances = &self.side_source.distances;
+        let sum: f64 = (on_source.iter().enumerate())
+            .map(|(i, &j)| f64::from(distances[(i, j.index())]))
             .sum();
-        sum / map.on_source.len() as f64
+        sum / on_source.len() as f64
     }
 
     /// Mean distance on the source between the images of two candidates.
     pub(super) fn apart(&self, a: &Candidate, b: &Candidate) -> f64 {
-        let sum: f64 = a
-            .on_source
-            .iter()
-            .zip(&b.on_source)
-            .map(|(&p, &q)| f64::from(self.side_source.distances[(p as usize, q as usize)]))
+        let [a, b] = [a, b].map(|candidate| &candidate.images.target_to_source);
+        let distances = &self.side_source.distances;
+        let sum: f64 = (a.iter().zip(b))
+            .map(|(&p, &q)| f64::from(distances[(p.index(), q.index())]))
             .sum();
-        sum / a.on_source.len() as f64
+        sum / a.len() as f64
     }
 }
 
@@ -250,7 +241,7 @@ pub fn gram(basis: MatRef<'_, f64>) -> Mat<f64> {
 /// [`crate::Error::NotFactorised`] when the pairs do not determine the map.
 pub fn fit(
     bases: SampledBases<'_>,
-    maps: PointMaps<'_>,
+    maps: PointMaps<&[Sample]>,
     coverage: Coverage,
     k: usize,
 ) -> Result<Mat<f64>> {

@@ -15,7 +15,6 @@ use rayon::prelude::*;
 use self::candidate::SampledPair;
 use crate::error::{Error, Result};
 use crate::matching::problem::pair::{Mirror, Pair, Part};
-use crate::matching::problem::point_map::PointMaps;
 use crate::matching::search::settings::{CANDIDATE, SEARCH, SEEDS};
 use crate::shape::gradients::{better_signs, coverage};
 use crate::watch::progress::Progress;
@@ -116,7 +115,7 @@ impl SampledPair<'_> {
     /// A candidate fitted at k with the last column turned, with the last two exchanged either way, and as it is: side by
     /// side, since at last there are few candidates.
     fn children(&self, parent: &Candidate, k: usize, exchanges: bool) -> Result<Vec<Candidate>> {
-        let matrix = self.fit(parent.maps(), k)?;
+        let matrix = self.fit(parent.images.as_slices(), k)?;
         let mut changes = vec![vec![(k - 1, k - 1, -1.0)]];
         if exchanges {
             for sign in [1.0, -1.0] {
@@ -141,12 +140,8 @@ impl SampledPair<'_> {
             }
         }
         let size = matrix.ncols();
-        let (on_source, on_target) = self.images(matrix.as_ref());
-        let maps = PointMaps {
-            target_to_source: &on_source,
-            source_to_target: &on_target,
-        };
-        self.fitted(maps, size)
+        let images = self.images(matrix.as_ref());
+        self.fitted(images.as_slices(), size)
     }
 
     /// Whether the last two of k eigenvalues are so close on either shape that their functions may
@@ -164,11 +159,7 @@ impl SampledPair<'_> {
             &self.side_source.gradients,
             &self.side_target.gradients,
             candidate.matrix.as_ref(),
-            candidate
-                .on_source
-                .iter()
-                .enumerate()
-                .map(|(i, &j)| (i, j as usize)),
+            (candidate.images.target_to_source.iter().enumerate()).map(|(i, &j)| (i, j.index())),
             candidate.matrix.ncols() - 1,
         );
         let signs = better_signs((self.wanted_sign() * coverage).as_ref());
@@ -177,12 +168,8 @@ impl SampledPair<'_> {
         }
         let (rows, columns) = (candidate.matrix.nrows(), candidate.matrix.ncols());
         let turned = Mat::from_fn(rows, columns, |i, j| signs[j] * candidate.matrix[(i, j)]);
-        let (on_source, on_target) = self.images(turned.as_ref());
-        let maps = PointMaps {
-            target_to_source: &on_source,
-            source_to_target: &on_target,
-        };
-        self.fitted(maps, columns).map(Some)
+        let images = self.images(turned.as_ref());
+        self.fitted(images.as_slices(), columns).map(Some)
     }
 
     /// The best candidates: up to half of them from different basins, the rest merely different.
@@ -252,8 +239,7 @@ mod tests {
         for candidate in back.into_iter().map(Candidate::inverse) {
             let same = |c: &&Candidate| c.matrix == candidate.matrix;
             let other = found.iter().find(same).expect("it is found both times");
-            assert_eq!(other.on_source, candidate.on_source);
-            assert_eq!(other.on_target, candidate.on_target);
+            assert_eq!(other.images, candidate.images);
         }
     }
 }

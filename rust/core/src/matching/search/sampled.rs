@@ -9,6 +9,7 @@ use crate::algebra::dense::{self, LANES, squared_distance, vectorised};
 use crate::matching::problem::pair::{Pair, Part};
 use crate::matching::problem::which::Which;
 use crate::matching::search::settings::SAMPLED;
+use crate::mesh::numbering::Sample;
 use crate::shape::gradients::TangentGradients;
 use crate::shape::settings::GRADIENTS;
 
@@ -165,17 +166,17 @@ impl Sampled {
     }
 
     /// Mean squared difference between distances of asking points and of their images here.
-    pub(super) fn distortion(&self, images: &[u32], asking: &Self) -> f64 {
+    pub(super) fn distortion(&self, images: &[Sample], asking: &Self) -> f64 {
         let mut sum = 0.0;
         for (j, &image) in images.iter().enumerate() {
-            let here = self.distances.col_as_slice(image as usize);
+            let here = self.distances.col_as_slice(image.index());
             let there = asking.distances.col_as_slice(j);
             // Distances are symmetric, and a point has none from itself.
             let (ids, there) = (images[..j].chunks(LANES), there.chunks(LANES));
             let mut lanes = [0f32; LANES];
             for (ids, there) in ids.zip(there) {
                 for ((lane, &i), d) in lanes.iter_mut().zip(ids).zip(there) {
-                    let change = here[i as usize] - d;
+                    let change = here[i.index()] - d;
                     *lane += change * change;
                 }
             }
@@ -184,11 +185,11 @@ impl Sampled {
         2.0 * sum / (images.len() * images.len()) as f64
     }
 
-    pub(super) fn mean_mismatch(&self, images: &[u32]) -> f64 {
+    pub(super) fn mean_mismatch(&self, images: &[Sample]) -> f64 {
         let sum: f64 = images
             .iter()
             .enumerate()
-            .map(|(j, &i)| f64::from(self.mismatch[(i as usize, j)]))
+            .map(|(j, &i)| f64::from(self.mismatch[(i.index(), j)]))
             .sum();
         sum / images.len() as f64
     }

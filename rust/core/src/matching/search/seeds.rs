@@ -7,7 +7,9 @@ use super::candidate::{Candidate, SampledPair};
 use super::sampled::Sampled;
 use crate::algebra::closest::closest;
 use crate::algebra::dense;
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::search::settings::SEEDS;
+use crate::mesh::numbering::Sample;
 use crate::shape::Shape;
 
 impl SampledPair<'_> {
@@ -57,19 +59,22 @@ impl SampledPair<'_> {
                     }
                 });
                 let target = target.get(.., ..dims);
-                Candidate {
-                    on_source: closest(
+                let images = PointMaps {
+                    target_to_source: Sample::each(closest(
                         target.get(..self.side_target.asking, ..),
                         turned.as_ref(),
                         None,
                         1.0,
-                    ),
-                    on_target: closest(
+                    )),
+                    source_to_target: Sample::each(closest(
                         turned.get(..self.side_source.asking, ..),
                         target,
                         None,
                         1.0,
-                    ),
+                    )),
+                };
+                Candidate {
+                    images,
                     matrix: Mat::zeros(size, size),
                     energy: f64::INFINITY,
                     orientation: 0.0,

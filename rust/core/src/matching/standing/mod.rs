@@ -237,7 +237,7 @@ fn aligned(pair: &Pair<'_>, alignment: &Alignment, check: Check<'_>) -> Result<O
         source_gram: source_gram.as_ref(),
     };
     let maps = PointMaps {
-        target_to_source: &on_source,
+        target_to_source: on_source.as_slice(),
         source_to_target: &on_target,
     };
     let first = fit(bases, maps, pair.coverage, size)?;

@@ -144,6 +144,7 @@ mod tests {
     use super::*;
     use crate::matching::problem::constraints::Constraints;
     use crate::matching::problem::pair::Coverage;
+    use crate::matching::problem::point_map::PointMaps;
     use crate::testing::{self, RINGS, torus};
 
     #[test]
@@ -153,7 +154,11 @@ mod tests {
         let pair = testing::pair(&shape, &shape, Coverage::BOTH, &constraints);
         let shared_by = |image: &dyn Fn(u32) -> u32| {
             let images: Vec<u32> = (0..shape.mass.len() as u32).map(image).collect();
-            let state = Refined::by_images(&pair, Which::Target, [images.clone(), images]);
+            let images = PointMaps {
+                target_to_source: images.clone(),
+                source_to_target: images,
+            };
+            let state = Refined::by_images(&pair, Which::Target, images);
             let at_images = state.at_images(30);
             state.mapped(&at_images, &|| Ok(())).expect("regular").1
         };
@@ -182,7 +187,10 @@ mod tests {
         let on_source: Vec<u32> = (0..count).map(|v| (v + turn) % count).collect();
         let on_target: Vec<u32> = (0..count).map(|v| (v + count - turn) % count).collect();
         let [by_target, by_source] = [Which::Target, Which::Source].map(|moving_is| {
-            let images = [on_source.clone(), on_target.clone()];
+            let images = PointMaps {
+                target_to_source: on_source.clone(),
+                source_to_target: on_target.clone(),
+            };
             let mut state = Refined::by_images(&pair, moving_is, images);
             let at_images = state.at_images(20);
             (state.matrix, state.shared) = state.mapped(&at_images, &|| Ok(())).expect("regular");

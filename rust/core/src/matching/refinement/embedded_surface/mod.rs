@@ -29,6 +29,7 @@ use crate::deformation::piecewise_affine::PiecewiseAffine;
 use crate::deformation::rigid_surface::RigidSurface;
 use crate::error::Result;
 use crate::matching::problem::pair::{Mirror, Pair, Part};
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::problem::which::Which;
 use crate::matching::refinement::coinciding::{Placed, coinciding};
 use crate::matching::refinement::piece::Piece;
@@ -52,15 +53,15 @@ struct AtRest<'a> {
 
 /// Refines a `(kₛ, kₜ)` map of low eigenfunctions, target coefficients → source coefficients.
 ///
-/// `samples` are the images of the target's farthest-point samples on the source and of the source's on the target, where
-/// they are known. `report` is told the fraction done.
+/// `samples` are the images of the farthest-point samples of both shapes, where they are known. `report` is told the
+/// fraction done.
 ///
 /// # Errors
 /// [`crate::Error::Cancelled`], [`crate::Error::NotFactorised`].
 pub fn refined<'a>(
     pair: &Pair<'a>,
     matrix: MatRef<'_, f64>,
-    samples: Option<&[Vec<u32>; 2]>,
+    samples: Option<PointMaps<&[u32]>>,
     schedule: Schedule,
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Refined<'a>> {
@@ -69,15 +70,14 @@ pub fn refined<'a>(
     state.refined(pair, schedule, report)
 }
 
-/// Refines the images of all vertices: those of the target's on the source, and of the source's on the target, by
-/// deforming either.
+/// Refines the images of all vertices of both shapes by deforming either.
 ///
 /// # Errors
 /// Those of [`refined`].
 pub fn refined_images<'a>(
     pair: &Pair<'a>,
     moving: Which,
-    images: [Vec<u32>; 2],
+    images: PointMaps<Vec<u32>>,
     schedule: Schedule,
     report: &(dyn Fn(f64) -> Result<()> + Sync),
 ) -> Result<Refined<'a>> {

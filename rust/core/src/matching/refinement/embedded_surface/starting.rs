@@ -7,6 +7,7 @@ use crate::algebra::dense::Rows;
 use crate::algebra::similarity::Similarity;
 use crate::error::Result;
 use crate::matching::problem::pair::Pair;
+use crate::matching::problem::point_map::PointMaps;
 use crate::matching::problem::which::Which;
 use crate::matching::refinement::propagation::Images;
 use crate::matching::refinement::settings::EMBEDDING;
@@ -37,24 +38,26 @@ impl<'a> Refined<'a> {
     pub(in crate::matching::refinement) fn by_images(
         pair: &Pair<'a>,
         moving_is: Which,
-        [on_source, on_target]: [Vec<u32>; 2],
+        images: PointMaps<Vec<u32>>,
     ) -> Self {
         let mut state = Self::unknown(pair, moving_is, None);
         let [target, source] = state.sides_mut();
-        target.images.vertex = on_source;
-        source.images.vertex = on_target;
+        target.images.vertex = images.target_to_source;
+        source.images.vertex = images.source_to_target;
         state
     }
 
     pub(super) fn start(
         pair: &Pair<'a>,
         matrix: MatRef<'_, f64>,
-        samples: Option<&[Vec<u32>; 2]>,
+        samples: Option<PointMaps<&[u32]>>,
         drawn: Option<usize>,
         check: Check<'_>,
     ) -> Result<Self> {
         check()?;
-        let [of_target, of_source] = [0, 1].map(|i| samples.map(|samples| samples[i].as_slice()));
+        let (of_target, of_source) = samples
+            .map(|samples| (samples.target_to_source, samples.source_to_target))
+            .unzip();
         let moving_is = pair.coverage.part().unwrap_or(Which::Target);
         let mut state = Self::unknown(pair, moving_is, drawn);
         let [target, source] = state.sides_mut();

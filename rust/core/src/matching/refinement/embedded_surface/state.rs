@@ -41,7 +41,7 @@ impl<'a> Refined<'a> {
 
     /// The point maps: all vertices of both shapes.
     #[must_use]
-    pub fn maps(&self) -> PointMaps<'_> {
+    pub fn maps(&self) -> PointMaps<&[u32]> {
         PointMaps {
             target_to_source: &self.target().images.vertex,
             source_to_target: &self.source().images.vertex,
