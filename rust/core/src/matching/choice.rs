@@ -352,7 +352,7 @@ fn found_or_none(found: Result<Vec<Hypothesis>>) -> Result<Vec<Hypothesis>> {
     }
 }
 
-/// What the distances of target's and source's vertices from their own mirror images count, when both shapes are
+/// What the distances of source's and target's vertices from their own mirror images count, when both shapes are
 /// symmetric and the best map so far says that they are not poses of one body.
 fn mirror_offsets(
     pair: &Pair<'_>,
@@ -362,12 +362,12 @@ fn mirror_offsets(
     if !pair.uses(Part::Symmetry) || !quality::differ(best) {
         return Ok(None);
     }
-    let (target, source) = rayon::join(
-        || symmetry::mirror_offsets(pair.target, progress),
+    let (source, target) = rayon::join(
         || symmetry::mirror_offsets(pair.source, progress),
+        || symmetry::mirror_offsets(pair.target, progress),
     );
     let counted = |offsets: Vec<f32>| offsets.into_iter().map(symmetry::counted).collect();
-    Ok(target?.zip(source?).map(|(t, s)| [counted(t), counted(s)]))
+    Ok(source?.zip(target?).map(|(s, t)| [counted(s), counted(t)]))
 }
 
 /// Plausible maps, best first.

@@ -65,7 +65,7 @@ impl TangentGradients {
 /// Score in [−1, 1]: near 1 for a direct map, negative for a mirrored one.
 ///
 /// `matrix` (kₛ × kₜ) takes target coefficients to source coefficients, `pairs` are numbers of
-/// vertices within the two gradients, `functions` eigenfunctions of the target are compared.
+/// vertices within the gradients of source and target, `functions` eigenfunctions of the target are compared.
 #[must_use]
 pub fn orientation(
     source: &TangentGradients,
@@ -106,11 +106,11 @@ pub fn coverage(
     let mut products = vec![0.0; (last + 1) * (last + 1)];
     let mut sums = vec![0.0; (last + 1) * (last + 1)];
     let mut count = 0.0;
-    for (p, q) in pairs {
-        if !target.defined[p] || !source.defined[q] {
+    for (image, asking) in pairs {
+        if !target.defined[asking] || !source.defined[image] {
             continue;
         }
-        let (here, there) = (target.row(p), source.row(q));
+        let (here, there) = (target.row(asking), source.row(image));
         carry(&by_rows, &there[..used], &mut carried);
         let (mut own, mut other) = (0.0, 0.0);
         for a in 1..=last {

@@ -20,8 +20,8 @@ const UNTIL: Until = Until {
 /// What a frame is fitted to, as a row: Σ target edge · source edgeᵀ, and the squares of either, over the edges at a vertex.
 type Moments = Row<11>;
 
-/// Adds the moments of an edge of the target and its image.
-fn add_edge(moments: &mut Moments, target: Point, source: Point) {
+/// Adds the moments of an edge of the target, given after its image on the source.
+fn add_edge(moments: &mut Moments, source: Point, target: Point) {
     for (row, x) in moments.chunks_exact_mut(3).zip(target) {
         for (m, y) in row.iter_mut().zip(source) {
             *m += x * y;
@@ -121,8 +121,8 @@ fn averaged_moments(map: &Mapped) -> Vec<Moments> {
             let (a, b) = (corners[k] as usize, corners[(k + 1) % 3] as usize);
             let d = vector::sub(vertices[b], vertices[a]);
             let e = vector::sub(map.images[b], map.images[a]);
-            add_edge(&mut moments[a], d, e);
-            add_edge(&mut moments[b], d, e);
+            add_edge(&mut moments[a], e, d);
+            add_edge(&mut moments[b], e, d);
         }
     }
     for ((m, normal), image_normal) in moments
@@ -132,7 +132,7 @@ fn averaged_moments(map: &Mapped) -> Vec<Moments> {
     {
         let size = (m[9] * m[10]).sqrt() * FRAMES.normal_share;
         let [target, source] = [m[9], m[10]];
-        add_edge(m, vector::scaled(normal, size), *image_normal);
+        add_edge(m, *image_normal, vector::scaled(normal, size));
         (m[9], m[10]) = (target, source);
     }
     let areas = map.surface.vertex_areas();

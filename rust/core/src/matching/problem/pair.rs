@@ -234,7 +234,7 @@ pub struct Pair<'a> {
     /// How many units of length of the source one of the target is, where that is known, else 1: each shape
     /// has unit area.
     pub lengths: f64,
-    /// What the distance of each vertex of the target and of the source from its own mirror image
+    /// What the distance of each vertex of the source and of the target from its own mirror image
     /// [counts](crate::matching::symmetry::counted).
     pub mirror_offsets: Option<[&'a [f32]; 2]>,
 }
@@ -286,7 +286,7 @@ impl<'a> Pair<'a> {
             constraints,
             left_out: self.left_out,
             lengths: 1.0 / self.lengths,
-            mirror_offsets: self.mirror_offsets.map(|[target, source]| [source, target]),
+            mirror_offsets: self.mirror_offsets.map(|[source, target]| [target, source]),
         }
     }
 

@@ -44,7 +44,7 @@ pub(super) fn off_axes(pair: &Pair<'_>, images: &[u32]) -> f64 {
 /// (d/0.06)², d the mean difference between what the distances of points and of their images from their own
 /// mirror images count, where both shapes are symmetric.
 pub(super) fn off_symmetry(pair: &Pair<'_>, images: &[u32]) -> f64 {
-    let Some([target, source]) = pair.mirror_offsets else {
+    let Some([source, target]) = pair.mirror_offsets else {
         return 0.0;
     };
     let asked = judging(pair.target);

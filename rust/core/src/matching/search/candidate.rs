@@ -123,7 +123,7 @@ impl<'a> SampledPair<'a> {
                 &self.side_source.gradients,
                 &self.side_target.gradients,
                 matrix.as_ref(),
-                pairs.map(|(i, &j)| (i, j.index())),
+                pairs.map(|(asking, image)| (image.index(), asking)),
                 CANDIDATE.orientation_functions,
             );
             self.wanted_sign() * measured

@@ -159,7 +159,8 @@ impl SampledPair<'_> {
             &self.side_source.gradients,
             &self.side_target.gradients,
             candidate.matrix.as_ref(),
-            (candidate.images.target_to_source.iter().enumerate()).map(|(i, &j)| (i, j.index())),
+            (candidate.images.target_to_source.iter().enumerate())
+                .map(|(asking, image)| (image.index(), asking)),
             candidate.matrix.ncols() - 1,
         );
         let signs = better_signs((self.wanted_sign() * coverage).as_ref());

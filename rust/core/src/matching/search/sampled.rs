@@ -90,7 +90,7 @@ impl Sampled {
         let questions = other.farthest_points(width.asking);
         let known = pair.constraints.in_search(which, own, samples);
         let asked = pair.constraints.in_search(opposite, other, questions);
-        let offsets = pair.mirror_offsets.map(|[target, source]| match which {
+        let offsets = pair.mirror_offsets.map(|[source, target]| match which {
             Which::Target => (target, source),
             Which::Source => (source, target),
         });

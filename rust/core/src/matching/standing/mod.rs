@@ -51,7 +51,7 @@ struct Alignment {
     turn: Turn,
     /// The axis that points up.
     up: usize,
-    /// Height at which the legs of target and source join, where they have some.
+    /// Height at which the legs of source and target join, where they have some.
     legs: [Option<f64>; 2],
     /// Mean distance between samples.
     misfit: f64,
@@ -104,7 +104,7 @@ impl Figure {
 
 /// How they may stand alike: as given first.
 fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
-    let [of_target, of_source] = [pair.target, pair.source].map(judging);
+    let [of_source, of_target] = [pair.source, pair.target].map(judging);
     let source_legs = [0, 1, 2].map(|up| levels::legs(&pair.source.mesh, up, 1.0));
     let target_legs =
         [1.0, -1.0].map(|sign| [0, 1, 2].map(|axis| levels::legs(&pair.target.mesh, axis, sign)));
@@ -117,7 +117,7 @@ fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
             let (here, there) = (target.sampled(of_target), source.sampled(of_source));
             let misfit = misfit(here, there, STANDING.normal);
             let (axis, sign) = turn[up];
-            let legs = [target_legs[usize::from(sign < 0.0)][axis], source_legs[up]];
+            let legs = [source_legs[up], target_legs[usize::from(sign < 0.0)][axis]];
             Alignment {
                 turn,
                 up,
@@ -141,12 +141,12 @@ fn alignments(pair: &Pair<'_>) -> Vec<Alignment> {
     found
 }
 
-/// Heights of legs and necks of target and source, ascending, of what is found on both.
+/// Heights of legs and necks of the target, and those of the source to which they go, ascending.
 fn common_levels(pair: &Pair<'_>, alignment: &Alignment) -> Vec<[f64; 2]> {
     let &Alignment { turn, up, legs, .. } = alignment;
     let mut found: Vec<[f64; 2]> = legs[0]
         .zip(legs[1])
-        .map(|(t, s)| [t, s])
+        .map(|(s, t)| [t, s])
         .into_iter()
         .collect();
     let extent = |axis: usize| {
@@ -169,11 +169,11 @@ fn common_levels(pair: &Pair<'_>, alignment: &Alignment) -> Vec<[f64; 2]> {
     found
 }
 
-/// The target registered onto the source, both figures and the samples that take part.
+/// The target registered onto the source, of both of which some samples take part, and the source's figure.
 fn registered(
     pair: &Pair<'_>,
     alignment: &Alignment,
-    [of_target, of_source]: [&[u32]; 2],
+    [of_source, of_target]: [&[u32]; 2],
     check: Check<'_>,
 ) -> Result<(Registered, Figure)> {
     let up = alignment.up;
@@ -208,9 +208,9 @@ fn registered(
 
 /// The map between figures that stand alike in this way; nothing where they do not.
 fn aligned(pair: &Pair<'_>, alignment: &Alignment, check: Check<'_>) -> Result<Option<Hypothesis>> {
-    let [of_target, of_source] =
-        [pair.target, pair.source].map(|shape| shape.drawn_vertices(STANDING.samples));
-    let samples = [of_target.as_slice(), &of_source];
+    let [of_source, of_target] =
+        [pair.source, pair.target].map(|shape| shape.drawn_vertices(STANDING.samples));
+    let samples = [of_source.as_slice(), &of_target];
     let (target, source) = registered(pair, alignment, samples, check)?;
     let [here, there] = [target.sampled(&of_target), source.sampled(&of_source)];
     if misfit(here, there, STANDING.normal) > STANDING.fits {
@@ -226,7 +226,7 @@ fn aligned(pair: &Pair<'_>, alignment: &Alignment, check: Check<'_>) -> Result<O
         .upsampled_size
         .min(pair.target.basis.values.len())
         .min(pair.source.basis.values.len());
-    let [of_target, of_source] = [pair.target, pair.source].map(|shape| {
+    let [of_source, of_target] = [pair.source, pair.target].map(|shape| {
         let functions = shape.basis.functions.as_ref();
         dense::gather_rows(functions, &shape.farthest, size)
     });
@@ -335,7 +335,7 @@ mod tests {
     fn thicker_and_larger() -> [Shape; 2] {
         let source = changed(&torus(RINGS), 0.0, |p| p);
         let target = changed(&source, 0.04, larger);
-        [target, source]
+        [source, target]
     }
 
     #[test]
@@ -354,11 +354,11 @@ mod tests {
 
     #[test]
     fn a_thicker_and_larger_figure_comes_to_lie_on_its_counterpart() {
-        let [target, source] = thicker_and_larger();
+        let [source, target] = thicker_and_larger();
         let constraints = Constraints::default();
         let pair = pair(&source, &target, Coverage::BOTH, &constraints);
         let as_given = alignments(&pair)[0];
-        let samples = [&target, &source].map(|shape| shape.drawn_vertices(STANDING.samples));
+        let samples = [&source, &target].map(|shape| shape.drawn_vertices(STANDING.samples));
         let samples = [samples[0].as_slice(), &samples[1]];
         let (registered, onto) =
             registered(&pair, &as_given, samples, &|| Ok(())).expect("regular");
@@ -374,8 +374,8 @@ mod tests {
     /// A point a seventh of the way around from its counterpart.
     #[test]
     fn a_landmark_is_drawn_to_its_place() {
-        let [target, source] = thicker_and_larger();
-        let samples = [&target, &source].map(|shape| shape.drawn_vertices(STANDING.samples));
+        let [source, target] = thicker_and_larger();
+        let samples = [&source, &target].map(|shape| shape.drawn_vertices(STANDING.samples));
         let samples = [samples[0].as_slice(), &samples[1]];
         let [from, to] = [0, (RINGS / 7 * AROUND) as u32];
         let apart = |landmarks: Vec<Landmark<WorkingVertex>>| {
@@ -420,7 +420,7 @@ mod tests {
 
     #[test]
     fn threads_change_nothing() {
-        let [target, source] = thicker_and_larger();
+        let [source, target] = thicker_and_larger();
         let constraints = Constraints::default();
         let pair = pair(&source, &target, Coverage::BOTH, &constraints);
         let [one, three] = [1, 3].map(|threads| {

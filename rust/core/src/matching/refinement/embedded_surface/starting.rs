@@ -41,7 +41,7 @@ impl<'a> Refined<'a> {
         images: PointMaps<Vec<u32>>,
     ) -> Self {
         let mut state = Self::unknown(pair, moving_is, None);
-        let [target, source] = state.sides_mut();
+        let [source, target] = state.sides_mut();
         target.images.vertex = images.target_to_source;
         source.images.vertex = images.source_to_target;
         state
@@ -60,7 +60,7 @@ impl<'a> Refined<'a> {
             .unzip();
         let moving_is = pair.coverage.part().unwrap_or(Which::Target);
         let mut state = Self::unknown(pair, moving_is, drawn);
-        let [target, source] = state.sides_mut();
+        let [source, target] = state.sides_mut();
         (source.rows, target.rows) = rayon::join(
             || pair.source.rows.times(matrix),
             || pair.target.rows.first(matrix.ncols()),

@@ -57,11 +57,11 @@ impl<'a> Refined<'a> {
         }
     }
 
-    /// Target and source.
+    /// Source and target.
     pub(super) fn sides_mut(&mut self) -> [&mut Side<'a>; 2] {
         match self.moving_is {
-            Which::Target => [&mut self.moving, &mut self.still],
-            Which::Source => [&mut self.still, &mut self.moving],
+            Which::Target => [&mut self.still, &mut self.moving],
+            Which::Source => [&mut self.moving, &mut self.still],
         }
     }
 
