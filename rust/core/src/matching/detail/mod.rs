@@ -28,6 +28,7 @@ use crate::error::Result;
 use crate::matching::detail::settings::DETAIL;
 use crate::mesh::copies::{Triangles, originals};
 use crate::mesh::edge_weights::EdgeWeights;
+use crate::mesh::numbering::CheckedVertex;
 use crate::mesh::settings::COPIES;
 use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::{Mesh, normals_of};
@@ -46,7 +47,7 @@ pub(crate) fn copied(
     source: &Mesh,
     target: &Mesh,
     points: &[SurfacePoint],
-    given: &[u32],
+    given: &[CheckedVertex],
     check: Check<'_>,
 ) -> Result<Option<Vec<SurfacePoint>>> {
     if target.faces.len() > source.faces.len() {
@@ -62,8 +63,8 @@ pub(crate) fn copied(
     let vertices: Option<Vec<u32>> = (found.into_iter().map(|o| o.map(|o| o.vertex))).collect();
     let kept = |vertices: &[u32]| {
         given.iter().all(|&v| {
-            let image = source.vertices[vertices[v as usize] as usize];
-            vector::distance(image, images[v as usize]) < COPIES.same
+            let image = source.vertices[vertices[v.index()] as usize];
+            vector::distance(image, images[v.index()]) < COPIES.same
         })
     };
     let copied = vertices.filter(|vertices| kept(vertices));
@@ -78,7 +79,7 @@ pub(crate) fn refined(
     source: &Mesh,
     target: &Mesh,
     points: &[SurfacePoint],
-    given: &[u32],
+    given: &[CheckedVertex],
     check: Check<'_>,
 ) -> Result<Vec<SurfacePoint>> {
     let rest = &target.vertices;
@@ -86,7 +87,7 @@ pub(crate) fn refined(
     let mirrored = is_mirrored(source, target, points, &images);
     let mut is_given = vec![false; rest.len()];
     for &v in given {
-        is_given[v as usize] = true;
+        is_given[v.index()] = true;
     }
     let (edges, ground) = rayon::join(
         || EdgeWeights::new(rest, &target.faces),
@@ -175,7 +176,7 @@ pub(crate) fn refined(
     let feet = ground.feet(&places, &normals(&places), &rho, &known);
     let mut refined: Vec<SurfacePoint> = feet.into_iter().map(|foot| foot.point).collect();
     for &v in given {
-        refined[v as usize] = points[v as usize];
+        refined[v.index()] = points[v.index()];
     }
     Ok(refined)
 }
@@ -344,7 +345,7 @@ mod tests {
         let (target, order) = renumbered(&source, turned);
         let own = order.iter().position(|&new| new == 0).expect("a vertex") as u32;
         let other = points_at(&source, (0..order.len() as u32).map(|_| own + 1));
-        assert!(copied(&source, &target, &other, &[0], &|| Ok(())) == Ok(None));
+        assert!(copied(&source, &target, &other, &[CheckedVertex(0)], &|| Ok(())) == Ok(None));
     }
 
     /// Two spheres, one inside the other and facing inward, joined by a neck: a shell whose sheets are a hundredth apart.

@@ -19,7 +19,7 @@ use crate::matching::problem::point_map::PointMaps;
 use crate::matching::ranking::{Hypothesis, Metrics};
 use crate::matching::result::confidence::confidence;
 use crate::matching::result::settings::CORRESPONDENCE;
-use crate::mesh::numbering::WorkingVertex;
+use crate::mesh::numbering::{CheckedVertex, WorkingVertex};
 use crate::mesh::surface_point::SurfacePoint;
 use crate::mesh::{Mesh, boundary};
 use crate::shape::Shape;
@@ -196,8 +196,8 @@ fn in_detail_of_given(
     landmarks: &[Landmark<WorkingVertex>],
     check: Check<'_>,
 ) -> Result<(Vec<SurfacePoint>, bool)> {
-    let given = landmarks.iter().map(|l| target.checked_vertex(l.target).0);
-    let given: Vec<u32> = given.collect();
+    let given = landmarks.iter().map(|l| target.checked_vertex(l.target));
+    let given: Vec<CheckedVertex> = given.collect();
     let meshes = [source.given_mesh(), target.given_mesh()];
     if let Some(copied) = detail::copied(meshes[0], meshes[1], &points, &given, check)? {
         return Ok((copied, true));
