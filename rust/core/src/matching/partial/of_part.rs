@@ -54,7 +54,7 @@ pub(in crate::matching) fn may_be_part(
 
 /// Whether a map makes distances rather so many times as long than leaving them.
 fn grows_to(pair: &Pair<'_>, map: &Hypothesis, lengths: f64) -> bool {
-    let growth = growth_at_samples(pair.to_source(map.judged_images()));
+    let growth = growth_at_samples(pair.samples_to_source(map.judged_images()));
     (growth / lengths).ln().abs() < growth.ln().abs()
 }
 

@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::matching::problem::constraints::Constraints;
-use crate::matching::problem::point_map::PointMap;
+use crate::matching::problem::point_map::{PointMap, SampledMap};
 use crate::matching::problem::which::Which;
 use crate::shape::Shape;
 
@@ -240,7 +240,7 @@ pub struct Pair<'a> {
 }
 
 impl<'a> Pair<'a> {
-    /// The map that gives points of the target, all or its first samples, their images on the source.
+    /// The map that gives the vertices of the target their images on the source.
     #[must_use]
     pub fn to_source<'b>(&self, images: &'b [u32]) -> PointMap<'b>
     where
@@ -253,13 +253,39 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// The map that gives points of the source, all or its first samples, their images on the target.
+    /// The map that gives the vertices of the source their images on the target.
     #[must_use]
     pub fn to_target<'b>(&self, images: &'b [u32]) -> PointMap<'b>
     where
         'a: 'b,
     {
         PointMap {
+            from: self.source,
+            to: self.target,
+            images,
+        }
+    }
+
+    /// The map that gives the first samples of the target their images on the source.
+    #[must_use]
+    pub fn samples_to_source<'b>(&self, images: &'b [u32]) -> SampledMap<'b>
+    where
+        'a: 'b,
+    {
+        SampledMap {
+            from: self.target,
+            to: self.source,
+            images,
+        }
+    }
+
+    /// The map that gives the first samples of the source their images on the target.
+    #[must_use]
+    pub fn samples_to_target<'b>(&self, images: &'b [u32]) -> SampledMap<'b>
+    where
+        'a: 'b,
+    {
+        SampledMap {
             from: self.source,
             to: self.target,
             images,

@@ -3,7 +3,7 @@
 use crate::matching::problem::which::Which;
 use crate::shape::Shape;
 
-/// A map from the vertices of one shape, or some of them, to vertices of the other.
+/// A map from all vertices of one shape to vertices of the other.
 ///
 /// Either may be the target: a pair is asked both ways.
 #[derive(Debug, Clone, Copy)]
@@ -12,7 +12,7 @@ pub struct PointMap<'a> {
     pub from: &'a Shape,
     /// The shape on which the images lie.
     pub to: &'a Shape,
-    /// Vertex of `to` for each vertex of `from`, or for its first farthest-point samples.
+    /// Vertex of `to` for each vertex of `from`.
     pub images: &'a [u32],
 }
 
@@ -28,6 +28,17 @@ impl<'a> PointMap<'a> {
     pub fn image(self, vertex: u32) -> u32 {
         self.images[vertex as usize]
     }
+}
+
+/// A map from the first farthest-point samples of one shape to vertices of the other.
+#[derive(Debug, Clone, Copy)]
+pub struct SampledMap<'a> {
+    /// The shape whose samples have images.
+    pub from: &'a Shape,
+    /// The shape on which the images lie.
+    pub to: &'a Shape,
+    /// Vertex of `to` for each of those samples.
+    pub images: &'a [u32],
 }
 
 /// The point maps of a pair, both ways: lists of images, for all vertices or for samples.

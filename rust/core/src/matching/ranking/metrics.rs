@@ -5,7 +5,7 @@ use std::sync::Arc;
 use faer::{Mat, MatRef, Scale};
 
 use crate::matching::problem::pair::{Coverage, Pair, Part};
-use crate::matching::problem::point_map::{PointMap, PointMaps};
+use crate::matching::problem::point_map::{PointMaps, SampledMap};
 use crate::matching::ranking::settings::METRICS;
 use crate::matching::refinement::embedded_surface::Refined;
 use crate::matching::refinement::side::Side;
@@ -190,7 +190,7 @@ fn correlation(
     images: &PointMaps<Vec<u32>>,
     looks: impl Fn(&Descriptors) -> MatRef<'_, f32>,
 ) -> f64 {
-    let one_way = |map: PointMap<'_>| {
+    let one_way = |map: SampledMap<'_>| {
         let (asking, answering, images) = (map.from, map.to, map.images);
         let (own, there) = (looks(&asking.descriptors), looks(&answering.descriptors));
         let at = |looks: MatRef<'_, f32>, scale: usize, vertices: &[u32]| -> Vec<f64> {
@@ -215,8 +215,8 @@ fn correlation(
         scales.map(correlated).sum::<f64>() / own.ncols() as f64
     };
     pair.coverage.mean(
-        one_way(pair.to_target(&images.source_to_target)),
-        one_way(pair.to_source(&images.target_to_source)),
+        one_way(pair.samples_to_target(&images.source_to_target)),
+        one_way(pair.samples_to_source(&images.target_to_source)),
     )
 }
 

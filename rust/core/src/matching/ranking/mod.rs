@@ -19,7 +19,7 @@ use crate::error::Result;
 use crate::matching::problem::constraints::Constraints;
 use crate::matching::problem::landmark::Landmark;
 use crate::matching::problem::pair::{Coverage, Mirror, Pair};
-use crate::matching::problem::point_map::{PointMap, PointMaps};
+use crate::matching::problem::point_map::{PointMaps, SampledMap};
 use crate::matching::ranking::settings::{RANKING, SHORTLIST};
 use crate::matching::refinement::coinciding::Placed;
 use crate::matching::refinement::embedded_surface::{self, Refined};
@@ -219,8 +219,8 @@ pub fn of_placed(pair: &Pair<'_>, found: &Refined<'_>, placed: Arc<Placed>) -> R
     metrics.orientation = pair
         .coverage
         .mean(
-            facing(pair.to_target(on_target)),
-            facing(pair.to_source(on_source)),
+            facing(pair.samples_to_target(on_target)),
+            facing(pair.samples_to_source(on_source)),
         )
         .abs();
     let image = |l: &Landmark<WorkingVertex>| asking.images.vertex[l.target.index()];
@@ -237,7 +237,7 @@ pub fn of_placed(pair: &Pair<'_>, found: &Refined<'_>, placed: Arc<Placed>) -> R
 }
 
 /// Mean cosine between the normals at one shape's judging samples and at their images.
-fn facing(map: PointMap<'_>) -> f64 {
+fn facing(map: SampledMap<'_>) -> f64 {
     let cosine = |(&v, &image): (&u32, &u32)| {
         vector::dot(map.from.normals[v as usize], map.to.normals[image as usize])
     };

@@ -4,7 +4,7 @@
 //! k-th eigenfunction is not the k-th of the whole; a first map tells by how much.
 
 use crate::matching::problem::pair::{Coverage, Pair};
-use crate::matching::problem::point_map::{PointMap, PointMaps};
+use crate::matching::problem::point_map::{PointMap, PointMaps, SampledMap};
 use crate::matching::refinement::settings::RELATIVE_LENGTH;
 
 /// Units of length of the source that one of the target is by a map between them: the median over
@@ -40,13 +40,16 @@ pub fn relative_length(pair: &Pair<'_>, maps: PointMaps<&[u32]>) -> f64 {
 fn median_growth(map: PointMap<'_>) -> f64 {
     let samples = map.from.farthest_points(RELATIVE_LENGTH.samples).iter();
     let images: Vec<u32> = samples.map(|&v| map.image(v)).collect();
-    growth_at_samples(map.with(&images))
+    growth_at_samples(SampledMap {
+        from: map.from,
+        to: map.to,
+        images: &images,
+    })
 }
 
-/// Median of the distance between images over that between samples; 1 where there is none to compare. The
-/// images are those of the first farthest-point samples.
+/// Median of the distance between images over that between samples; 1 where there is none to compare.
 #[must_use]
-pub fn growth_at_samples(map: PointMap<'_>) -> f64 {
+pub fn growth_at_samples(map: SampledMap<'_>) -> f64 {
     let samples = map
         .from
         .farthest_points(RELATIVE_LENGTH.samples.min(map.images.len()));
