@@ -317,8 +317,5 @@ def _stretch(obj: bpy.types.Object) -> Floats:
         raise UnusableObjectError(
             f"'{obj.name}' is scaled to nothing along an axis. Give it a scale other than 0"
         )
-    squares, axes = np.linalg.eigh(placed.T @ placed)
-    factors = np.sqrt(squares) / np.cbrt(volume)
-    if np.abs(factors - 1.0).max() < EVEN:
-        return np.eye(3)
-    return axes * factors @ axes.T
+    stretch: Floats = core.load().poses.polar(placed)[1] / np.cbrt(volume)
+    return np.eye(3) if np.linalg.norm(stretch - np.eye(3), 2) < EVEN else stretch
