@@ -10,7 +10,7 @@ import bpy
 import numpy as np
 
 from . import character, completion, mesh_read
-from .mesh_read import Surface
+from .mesh_read import Surface, moved
 from .typed import Floats, Integers
 
 
@@ -74,7 +74,7 @@ def joined(name: str, surfaces: Sequence[Surface], matrices: Sequence[Floats]) -
     vertex = triangle = 0
     for surface, matrix in zip(surfaces, matrices, strict=True):
         turned_over = bool(np.linalg.det(matrix[:3, :3]) < 0.0)
-        points = _moved(surface.local.astype(np.float64), matrix)
+        points = moved(surface.local.astype(np.float64), matrix)
         own = surface.triangles[:, ::-1] if turned_over else surface.triangles
         made.append(
             Part(
@@ -101,11 +101,6 @@ def joined(name: str, surfaces: Sequence[Surface], matrices: Sequence[Floats]) -
     )
 
 
-def _moved(points: Floats, matrix: Floats) -> Floats:
-    # Not as a matrix product, whose threads would take the window's processor.
-    return np.einsum("ij,kj->ik", points, matrix[:3, :3]) + matrix[:3, 3]
-
-
 def _completed(made: Sequence[Part], matrices: Sequence[Floats]) -> completion.Body | None:
     """The whole body where Mirror modifiers add halves of some pieces, else None.
 
@@ -122,7 +117,7 @@ def _completed(made: Sequence[Part], matrices: Sequence[Floats]) -> completion.B
             [np.arange(own) + part.vertices.start, np.arange(len(body.points) - own) + count]
         )
         count += len(body.points) - own
-        points = _moved(body.points, matrix)
+        points = moved(body.points, matrix)
         modelled.append(points[:own])
         images.append(points[own:])
         corners = number[body.triangles]

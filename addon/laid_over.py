@@ -8,10 +8,10 @@ import bpy
 import numpy as np
 from numpy.typing import NDArray
 
-from . import character, mesh_read, morph, stored_match
+from . import character, core, mesh_read, morph, stored_match
+from .mesh_read import moved
 from .mesh_write import read_attribute, read_places, write_attribute
 from .morph import ALONG, CORNERS, FITTED, PIECE
-from .similarity import moved, similarity
 
 Floats = NDArray[np.floating[Any]]
 
@@ -42,7 +42,7 @@ def write(targets: Sequence[bpy.types.Object]) -> None:
     own = [moved(mesh_read.positions(t.data), matrix) for t, matrix in zip(targets, placed, strict=True)]
     images = [moved(read_attribute(t.data.attributes["match_position"]), there) for t in targets]
     found, wanted = np.concatenate(images), np.concatenate(own)
-    laid = moved(found, similarity(found, wanted))
+    laid = moved(found, core.load().poses.similarity(found, wanted))
     low, high = wanted.min(axis=0), wanted.max(axis=0)
     axis = int((high - low).argmax())
     split = np.split(laid, np.cumsum([len(points) for points in own])[:-1])

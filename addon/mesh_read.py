@@ -121,6 +121,12 @@ def positions(mesh: bpy.types.Mesh) -> NDArray[np.float32]:
     return values.reshape(-1, 3)
 
 
+def moved(points: Floats, matrix: Floats) -> Floats:
+    """Points (n, 3) under a matrix (4, 4)."""
+    # Not as a matrix product, whose threads would take the window's processor.
+    return np.einsum("ij,kj->ik", points, matrix[:3, :3]) + matrix[:3, 3]
+
+
 def corner_vertices(mesh: bpy.types.Mesh) -> NDArray[np.int32]:
     """Vertex of every face corner, int32."""
     values = np.empty(len(mesh.loops), np.int32)

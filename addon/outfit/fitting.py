@@ -12,7 +12,6 @@ import numpy as np
 from mathutils.bvhtree import BVHTree
 
 from ..job import Job
-from ..similarity import similarity
 from ..typed import Flags, Floats, Integers
 from .reading import Rows
 
@@ -327,7 +326,7 @@ def _bones(
     for garment in wish.garments:
         if garment.rig is not None:
             mapped[garment.name] = _mapped(wish, garment, partners, nearest, bones)
-    _put(wish, bones, mapped, points, places)
+    _put(sgmds, wish, bones, mapped, points, places)
     return nearest | partners, mapped, bones
 
 
@@ -373,6 +372,7 @@ def _mapped(
 
 
 def _put(
+    sgmds: ModuleType,
     wish: Wish,
     bones: Sequence[Bone],
     mapped: Mapping[str, Mapping[str, BoneName]],
@@ -391,7 +391,7 @@ def _put(
             np.add.at(weight[garment.vertices], garment.rows.vertex[moving], garment.rows.weight[moving])
             if garment.bone in below:
                 weight[garment.vertices] = 1.0
-        bone.move[:] = similarity(points, places, weight)[:3]
+        bone.move[:] = sgmds.poses.similarity(points, places, weight)[:3]
 
 
 def _hangs_on(bones: Sequence[Bone], target: BoneName | None, number: int) -> bool:

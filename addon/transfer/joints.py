@@ -11,7 +11,7 @@ import bpy
 import numpy as np
 
 from .. import core
-from ..similarity import moved
+from ..mesh_read import moved
 from ..typed import Floats
 from .sides import flip_name
 from .weights import read_weights

@@ -8,7 +8,7 @@ from bipeds import Figure
 from conftest import choose, lumpy, new_object
 from mathutils import Euler, Matrix
 
-from addon import laid_over, morph, overlay, palette
+from addon import morph, overlay, palette
 from addon.mesh_write import read_attribute, write_attribute
 from addon.operators import show
 
@@ -222,27 +222,6 @@ def test_a_morph_to_a_source_that_is_shown_with_other_vertices_goes_to_it_at_res
     rest = read_attribute(own.obj.data.attributes["match_position"])
     placed = np.array(given.obj.matrix_world)
     np.testing.assert_allclose(in_world(own.obj), rest @ placed[:3, :3].T + placed[:3, 3], atol=1e-4)
-
-
-def test_similarity_is_found_again():
-    """Of points that were turned, scaled and moved; a mirrored body is not mirrored back.
-
-    What has no weight does not count, and points that all come to one place are moved to it.
-    """
-    rng = np.random.default_rng(5)
-    points = rng.normal(size=(50, 3)) * (1.0, 2.0, 3.0)
-    made = np.array(Matrix.LocRotScale((1.0, 2.0, 3.0), Euler((0.3, 2.0, 1.0)), (0.01,) * 3))
-    found = laid_over.similarity(points, points @ made[:3, :3].T + made[:3, 3])
-    np.testing.assert_allclose(found, made, atol=1e-7)
-    over = points * (-1.0, 1.0, 1.0)
-    assert np.linalg.det(laid_over.similarity(points, over)[:3, :3]) > 0.0
-    aims = points @ made[:3, :3].T + made[:3, 3]
-    aims[0] += 5.0
-    counted = np.arange(len(points)) > 0
-    np.testing.assert_allclose(laid_over.similarity(points, aims, counted.astype(float)), made, atol=1e-7)
-    shifted = laid_over.similarity(points, np.ones((len(points), 3)))
-    np.testing.assert_allclose(shifted[:3, :3], np.eye(3))
-    np.testing.assert_allclose(points.mean(axis=0) + shifted[:3, 3], 1.0)
 
 
 def test_morphed_target_is_not_matched_as_shown(pair, scene):
