@@ -58,8 +58,8 @@ fn nearest_axis(direction: [f64; 3], axes: PyReadonlyArray2<'_, f64>) -> PyResul
 
 /// `L` and `N` of each bone, (n, 3, 3) each.
 ///
-/// Axes of the bones of source and target (n, 3, 3), what takes the first to the second, parents, limbs of each (n, 3), and
-/// which bones are fitted, with the turns (n, 3, 3) that the others keep.
+/// Axes of the bones of source and target (n, 3, 3), what takes the first to the second, parents, limbs of each (n, 3),
+/// and which bones are fitted, with the turns (n, 3, 3) that the others keep.
 #[pyfunction]
 fn fitted_turns<'py>(
     py: Python<'py>,

@@ -59,7 +59,8 @@ pub(crate) fn inverse(m: &Matrix) -> Option<Matrix> {
 
 /// The turn and the symmetric stretch of which a matrix is `turn · stretch`; the turn mirrors if the matrix does.
 ///
-/// The turn is the orthogonal matrix nearest to it. Of a matrix that flattens space along more than one axis it is any of them.
+/// The turn is the orthogonal matrix nearest to it. Of a matrix that flattens space along more than one axis it is any
+/// of them.
 ///
 /// # Source
 /// The polar decomposition: Higham, "Computing the polar decomposition, with applications", 1986.

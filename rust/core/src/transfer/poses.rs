@@ -1,9 +1,9 @@
 //! Poses of a rig taken to the rig that was fitted to another body.
 //!
-//! In the world, a bone of the source is turned by `P₁` and its partner shall be turned by `P₂ = G P₁ S N`: `G` turns the
-//! source's body to the target's ([`facing`]), `S` mirrors a bone's own x axis where `G` mirrors, and the constant `N` takes
-//! the direction of the limb in the target's bone to that in the source's. What a pose tells is the turn `B` of a bone from
-//! its place at rest, `P = P_parent R B`. So
+//! In the world, a bone of the source is turned by `P₁` and its partner shall be turned by `P₂ = G P₁ S N`: `G` turns
+//! the source's body to the target's ([`facing`]), `S` mirrors a bone's own x axis where `G` mirrors, and the constant
+//! `N` takes the direction of the limb in the target's bone to that in the source's. What a pose tells is the turn `B`
+//! of a bone from its place at rest, `P = P_parent R B`. So
 //!
 //! `B₂ = L (S B₁ S) N`, `L = R₂⁻¹ F⁻¹ S R₁ S`,
 //!
@@ -81,10 +81,10 @@ fn at_one_place(places: impl Iterator<Item = Point>) -> bool {
 
 /// What turns the source's body at rest to the target's, rows of a matrix: a mirroring one if `mirrors`.
 ///
-/// Each rig is the heads of its bones, `(bones)`, and matrices whose columns are their x, y and z axes, `(bones)`, in the
-/// world or another space of its own; what tells are those places, and the axes that no mirroring turns over, y and z, up
-/// to what differs in the two poses. Bodies that stand by whole quarter turns to each other, in those spaces or in two more
-/// `spaces`, matrices of which only the turns count, stand exactly so ([`POSES`]).
+/// Each rig is the heads of its bones, `(bones)`, and matrices whose columns are their x, y and z axes, `(bones)`, in
+/// the world or another space of its own; what tells are those places, and the axes that no mirroring turns over, y and
+/// z, up to what differs in the two poses. Bodies that stand by whole quarter turns to each other, in those spaces or
+/// in two more `spaces`, matrices of which only the turns count, stand exactly so ([`POSES`]).
 ///
 /// # Errors
 /// [`Error::BadArgument`] when the rigs have not the same number of bones.
@@ -264,8 +264,8 @@ fn smallest_turn(from: Point, to: Point) -> Matrix {
 
 /// Where the bones of a rig begin in a pose, `(bones)`, given where they begin at rest.
 ///
-/// `axes` are matrices whose columns are the axes of the bones at rest, `turns` the turns of the bones from there, in their
-/// own axes; bones that are `loose` go with their parent's place and not with its turn.
+/// `axes` are matrices whose columns are the axes of the bones at rest, `turns` the turns of the bones from there, in
+/// their own axes; bones that are `loose` go with their parent's place and not with its turn.
 ///
 /// # Errors
 /// [`Error::BadArgument`] when an argument has not one row for each bone, or a bone is its own

@@ -21,8 +21,8 @@ settings! {
         parallel: f64 = 0.99999,
         /// Steps of the cosine in which bones with one head point alike; of those in one step the lengths decide.
         alike: f64 = 1e-3,
-        /// Weight of the axes at a joint beside its place for how the whole body is turned, and which way it faces, as a
-        /// share of the rig's size: joints along one line tell no turn about it.
+        /// Weight of the axes at a joint beside its place for how the whole body is turned, and which way it faces, as
+        /// a share of the rig's size: joints along one line tell no turn about it.
         axes_count: f64 = 0.1,
         /// Rounds of weighted least squares until the sum of distances settles.
         reweighted: usize = 30,
@@ -147,8 +147,8 @@ settings! {
 
     /// Poses of a rig taken to the rig that was fitted to another body.
     POSES: Poses {
-        /// Bodies whose axes differ by less than this, in degrees, from whole quarter turns face alike: rigs fitted to bodies
-        /// in other poses lean to each other by a few degrees, and who turns a body on purpose turns it further.
+        /// Bodies whose axes differ by less than this, in degrees, from whole quarter turns face alike: rigs fitted to
+        /// bodies in other poses lean to each other by a few degrees, and who turns a body on purpose turns it further.
         quarters: f64 = 12.0,
     }
 
