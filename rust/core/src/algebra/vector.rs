@@ -62,11 +62,16 @@ pub fn mean(points: &[Point]) -> Point {
 
 /// The lowest and the highest corner of the box around points; around none, infinities the wrong way round.
 pub fn bounds(points: impl IntoIterator<Item = Point>) -> [Point; 2] {
+    around(points.into_iter().map(|p| [p; 2]))
+}
+
+/// The lowest and the highest corner of the box around boxes given so, as [`bounds`] has them of points.
+pub fn around(boxes: impl IntoIterator<Item = [Point; 2]>) -> [Point; 2] {
     let none = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
-    points.into_iter().fold(none, |[low, high], p| {
+    boxes.into_iter().fold(none, |[low, high], [p, q]| {
         [
             from_fn(|c| low[c].min(p[c])),
-            from_fn(|c| high[c].max(p[c])),
+            from_fn(|c| high[c].max(q[c])),
         ]
     })
 }

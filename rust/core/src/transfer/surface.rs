@@ -25,23 +25,19 @@ pub struct Surface {
     boxes: Vec<Node>,
 }
 
-#[derive(Debug, Clone, Copy)]
-struct Bounds {
-    low: Point,
-    high: Point,
-}
-
 /// A box over a part of `order`; its first child follows it.
 #[derive(Debug, Clone)]
 struct Node {
-    bounds: Bounds,
+    /// The lowest and the highest corner.
+    bounds: [Point; 2],
     second_child: usize,
 }
 
-impl Bounds {
+impl Node {
     fn squared_distance(&self, p: Point) -> f64 {
+        let [low, high] = self.bounds;
         (0..3)
-            .map(|c| (self.low[c] - p[c]).max(p[c] - self.high[c]).max(0.0))
+            .map(|c| (low[c] - p[c]).max(p[c] - high[c]).max(0.0))
             .map(|d| d * d)
             .sum()
     }
@@ -78,18 +74,8 @@ impl Surface {
         }
         let triangles: Vec<[u32; 3]> = triangles.iter().map(|t| t.map(|v| v as u32)).collect();
         let across = adjacency(&triangles);
-        let bounds: Vec<Bounds> = triangles
-            .iter()
-            .map(|t| {
-                let corners = t.map(|v| vertices[v as usize]);
-                let extreme = |pick: fn(f64, f64) -> f64| {
-                    [0, 1, 2].map(|c| pick(pick(corners[0][c], corners[1][c]), corners[2][c]))
-                };
-                Bounds {
-                    low: extreme(f64::min),
-                    high: extreme(f64::max),
-                }
-            })
+        let bounds: Vec<[Point; 2]> = (triangles.iter())
+            .map(|t| vector::bounds(t.map(|v| vertices[v as usize])))
             .collect();
         let mut order: Vec<u32> = (0..triangles.len() as u32).collect();
         let mut boxes = Vec::new();
@@ -161,14 +147,7 @@ impl Surface {
     /// Length of the diagonal of the bounding box.
     #[must_use]
     pub fn diagonal(&self) -> f64 {
-        let mut low = [f64::INFINITY; 3];
-        let mut high = [f64::NEG_INFINITY; 3];
-        for p in &self.vertices {
-            for c in 0..3 {
-                low[c] = low[c].min(p[c]);
-                high[c] = high[c].max(p[c]);
-            }
-        }
+        let [low, high] = vector::bounds(self.vertices.iter().copied());
         vector::distance(low, high)
     }
 
@@ -255,7 +234,7 @@ impl Surface {
         let middle = usize::midpoint(begin, end);
         let left = (node + 1, begin, middle);
         let right = (self.boxes[node].second_child, middle, end);
-        let reach = |(n, ..): (usize, usize, usize)| self.boxes[n].bounds.squared_distance(query);
+        let reach = |(n, ..): (usize, usize, usize)| self.boxes[n].squared_distance(query);
         let mut order = [(reach(left), left), (reach(right), right)];
         if order[1].0 < order[0].0 {
             order.swap(0, 1);
@@ -276,17 +255,8 @@ pub fn blend(corners: [Point; 3], weights: [f64; 3]) -> Point {
     })
 }
 
-fn build(bounds: &[Bounds], part: &mut [u32], boxes: &mut Vec<Node>) {
-    let mut whole = Bounds {
-        low: [f64::INFINITY; 3],
-        high: [f64::NEG_INFINITY; 3],
-    };
-    for &t in part.iter() {
-        for c in 0..3 {
-            whole.low[c] = whole.low[c].min(bounds[t as usize].low[c]);
-            whole.high[c] = whole.high[c].max(bounds[t as usize].high[c]);
-        }
-    }
+fn build(bounds: &[[Point; 2]], part: &mut [u32], boxes: &mut Vec<Node>) {
+    let whole = vector::around(part.iter().map(|&t| bounds[t as usize]));
     let node = boxes.len();
     boxes.push(Node {
         bounds: whole,
@@ -295,10 +265,11 @@ fn build(bounds: &[Bounds], part: &mut [u32], boxes: &mut Vec<Node>) {
     if part.len() <= LEAF {
         return;
     }
+    let sides = vector::sub(whole[1], whole[0]);
     let axis = (0..3)
-        .max_by(|&a, &b| (whole.high[a] - whole.low[a]).total_cmp(&(whole.high[b] - whole.low[b])))
+        .max_by(|&a, &b| sides[a].total_cmp(&sides[b]))
         .expect("three axes");
-    let key = |t: u32| bounds[t as usize].low[axis] + bounds[t as usize].high[axis];
+    let key = |t: u32| bounds[t as usize].iter().map(|end| end[axis]).sum::<f64>();
     let middle = part.len() / 2;
     part.select_nth_unstable_by(middle, |&a, &b| key(a).total_cmp(&key(b)).then(a.cmp(&b)));
     let (low, high) = part.split_at_mut(middle);
